@@ -1,7 +1,7 @@
 """
 Tactile arrays: devices, calibration and contact estimation.
 
-A ball is pressed onto an array of 16 x 16 tactels, 2 mm below the skin's surface:
+A ball presses onto an array of 16 x 16 tactels, 2 mm below the skin's surface:
 
 >>> import numpy as np
 >>> from tactile_sensing import (

@@ -1,4 +1,4 @@
-"""Compiling the kernels of this package: by the build, and by a node before it begins."""
+"""Compile the kernels of this package; called by the build, and by a node before it starts."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from tactile_sensing.types.image import Layer, TactileImage
 
 
 def compile_kernels() -> None:
-    """Compile what is not in numba's cache yet, by calling every entry point once."""
+    """Compile what is missing in numba's cache, by calling every entry point once."""
     array, depth = TactelArray(8, 8, 1e-3, 1e-3), 1e-3
     edge, crossing = np.zeros(array.shape), np.zeros(array.shape)
     add_segment(edge, array.x, array.y, depth, -0.01, 1e-4, 0.01, 1e-4, 100.0, 100.0)
@@ -19,7 +19,7 @@ def compile_kernels() -> None:
     ball = np.zeros(array.shape)
     add_point(ball, array.x, array.y, depth, 0.0, 0.0, 1.0)
     estimator = ContactEstimator()
-    for pressure in (edge, ball, crossing):  # the last one only after everything was tried
+    for pressure in (edge, ball, crossing):  # the crossing makes the search try everything
         for told in (depth, 0.0):
             for noise in (0.01 * pressure.max(), 0.0):
                 layer = Layer('zz', told, pressure.astype(np.float32), noise_std=noise)

@@ -1,8 +1,8 @@
 """
-Between the core's data and ROS messages; nothing else converts.
+Conversions between the core's data and ROS messages; all of them are in this module.
 
-What is published for every picture can be filled `into` a message of the caller's: to build
-one takes several times as long, and what has been published is free again.
+Messages that are published for every image can be reused: the argument `into` takes a message to
+fill. Building a new one takes several times as long, and a published message is free again.
 """
 from array import array
 from dataclasses import fields
@@ -21,18 +21,18 @@ from tactile_sensing.types.contact import Contact, ContactType, PARAMETERS, REAL
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo, TactileImage
 from tactile_sensing.types.moments import Moments
 
-#: Type of the pixels of an Image by its encoding.
+#: Type of the pixels of an Image, by encoding.
 ENCODINGS = {'mono8': 'u1', '8UC1': 'u1', 'mono16': 'u2', '16UC1': 'u2', '32FC1': 'f4'}
-# Fields that messages have under the same names.
+# Fields with the same name in the message.
 _INFO_TEXTS = ('sensor', 'model', 'serial_number', 'calibration')
 _INFO_REALS = ('nominal_rate', 'acquisition_delay', 'skin_stiffness', 'max_load')
 _LAYER_REALS = ('depth', 'full_scale', 'noise_std', 'poisson', 'gain_spread', 'floor', 'force_std')
-# Images of one sensor share their geometry, and with it the computed centres.
+# Images of one sensor share their geometry, including the computed centres.
 _array = lru_cache(maxsize=16)(TactelArray)
 
 
 def image_to_msg(image: TactileImage, into: Any = None) -> Any:
-    """Return the TactileImage message of a picture; the device's own time stays as it is."""
+    """Return the TactileImage message of an image; the field of the device's time is not set."""
     message = tactile_msgs.TactileImage() if into is None else into
     message.sensor, message.sequence = image.sensor, image.sequence
     message.tared, message.saturated = image.tared, image.saturated
@@ -47,9 +47,9 @@ def image_to_msg(image: TactileImage, into: Any = None) -> Any:
 
 def image_from_msg(message: Any) -> TactileImage:
     """
-    Return the picture of a TactileImage message; its stress shares the message's memory.
+    Return the image of a TactileImage message; its stress shares the message's memory.
 
-    Raises a TactileError where the geometry is impossible, or a layer has another size.
+    Raises a TactileError if the geometry is impossible or a layer has a wrong size.
     """
     geometry = _array_from_msg(message)
     return TactileImage(
@@ -61,10 +61,10 @@ def image_from_msg(message: Any) -> TactileImage:
 
 def counts_from_msg(message: Any, shape: tuple[int, int]) -> np.ndarray:
     """
-    Return the raw values (rows, columns) of an Image, or of a MultiArray of numbers.
+    Return the raw values (rows, columns) of an Image or a MultiArray of numbers.
 
-    An array without a layout has the given shape. Raises a TactileError where the message has
-    another one, or its data do not have that of its own.
+    A MultiArray without a layout is assumed to have the given shape. Raises a TactileError if the
+    message has another shape, or its data do not match its own shape.
     """
     if hasattr(message, 'encoding'):
         if message.encoding not in ENCODINGS:
@@ -89,14 +89,14 @@ def counts_from_msg(message: Any, shape: tuple[int, int]) -> np.ndarray:
     needed = offset + (shape[0] - 1) * step + width
     if step < width or values.size < needed:
         raise TactileError(f'data holds {values.size} values, {needed} are needed')
-    # A last row may lack its padding.
+    # The last row may lack its padding.
     values = np.concatenate([values[offset:needed], np.zeros(step - width, values.dtype)])
     rows = np.ascontiguousarray(values.reshape(shape[0], step)[:, :width])
     return rows if kind is None else rows.view(kind).astype(kind.newbyteorder('='))
 
 
 def sensor_info_to_msg(info: SensorInfo) -> Any:
-    """Return the SensorInfo message of what is known of a sensor."""
+    """Return the SensorInfo message of a SensorInfo record."""
     message = tactile_msgs.SensorInfo(
         layers=[_layer_to_msg(layer, tactile_msgs.TactileLayer()) for layer in info.layers],
         dead_tactels=array('I', info.dead_tactels), tared_at=stamp_from_ns(info.tared_at_ns),
@@ -109,9 +109,9 @@ def sensor_info_to_msg(info: SensorInfo) -> Any:
 
 def sensor_info_from_msg(message: Any) -> SensorInfo:
     """
-    Return what a SensorInfo message says; floats come back in single precision.
+    Return the SensorInfo record of a message; its floats have single precision.
 
-    Raises a TactileError where the geometry is impossible.
+    Raises a TactileError if the geometry is impossible.
     """
     return SensorInfo(
         stamp_ns=stamp_to_ns(message.header.stamp), frame_id=message.header.frame_id,
@@ -130,7 +130,8 @@ def contact_to_msg(
     """
     Return the Contact message of an estimate.
 
-    Header, sensor and sequence are those of the source image; now_ns is the time of publication.
+    Header, sensor and sequence are copied from the source image; now_ns is the time of
+    publication, for the latency.
     """
     message = tactile_msgs.Contact() if into is None else into
     _copy_header(image_message.header, message.header)
@@ -154,7 +155,7 @@ def contact_to_msg(
 
 
 def contact_from_msg(message: Any) -> Contact:
-    """Return the estimate of a Contact message; TactileError: the type is none of TYPE_*."""
+    """Return the estimate of a Contact message; raise a TactileError if its type is unknown."""
     if message.type not in _TYPES:
         raise TactileError(
             f'contact type is {message.type}, must be at most {max(ContactType)}')
@@ -207,7 +208,7 @@ def _array_from_msg(message: Any) -> TactelArray:
 
 def _layer_to_msg(layer: Layer, message: Any) -> Any:
     """Fill and return a TactileLayer message."""
-    # A list or an ndarray would be copied value by value.
+    # The message would copy a list or an ndarray value by value.
     stress = array('f')
     stress.frombytes(np.ascontiguousarray(layer.stress, np.float32).tobytes())
     message.component, message.unit = COMPONENTS.index(layer.component), layer.unit
@@ -226,7 +227,7 @@ def _layer_from_msg(layer: Any, shape: tuple[int, ...]) -> Layer:
     if stress.size != math.prod(shape):
         raise TactileError(
             f'stress has {stress.size} values, must be {" x ".join(map(str, shape))}')
-    # Images in older bags do not say all.
+    # Images in older bags lack some fields.
     told = {name: getattr(layer, name) for name in _LAYER_REALS if hasattr(layer, name)}
     return Layer(COMPONENTS[layer.component], stress=stress.reshape(shape), unit=layer.unit,
                  thickness=getattr(layer, 'skin_thickness', 0.0) or math.inf, **told)

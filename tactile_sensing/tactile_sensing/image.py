@@ -1,4 +1,4 @@
-"""What a picture of the pressure tells by itself."""
+"""Properties of a pressure image that need no model."""
 
 import math
 from typing import Any, NamedTuple
@@ -12,7 +12,7 @@ from tactile_sensing.types.moments import Moments
 
 @njit(cache=True, error_model='numpy')
 def moments_of(pressure: Any, x: Any, y: Any, threshold: float) -> tuple:
-    """Sums of pressure (rows, columns) over M0, Mx, My, Mxx, Myy, Mxy; NaN counts as 0."""
+    """Return the sums M0, Mx, My, Mxx, Myy, Mxy of the pressure (rows, columns); NaN is 0."""
     m0 = mx = my = mxx = myy = mxy = 0.0
     for r in range(y.size):
         for c in range(x.size):
@@ -30,9 +30,10 @@ def moments_of(pressure: Any, x: Any, y: Any, threshold: float) -> tuple:
 def image_moments(
         pressure: np.ndarray, array: TactelArray, *, threshold: float = 0.0) -> Moments:
     """
-    Moments of a pressure image (rows, columns) [Pa]; NaN counts as zero.
+    Compute the moments of a pressure image (rows, columns) [Pa].
 
-    So do values below the threshold [Pa], the thesis' only preprocessing (3.5).
+    NaN and values below the threshold [Pa] count as zero. The threshold is the only preprocessing
+    of the thesis (3.5).
     """
     sums = moments_of(np.asarray(pressure, dtype=float), array.x, array.y,
                       threshold if threshold > 0.0 else -math.inf)
@@ -41,24 +42,24 @@ def image_moments(
 
 
 class Survey(NamedTuple):
-    """What is seen of an image before anything is fitted."""
+    """Properties of an image that need no fit."""
 
     moments: tuple  # of the main layer, see `moments_of`
     top: float  # highest pressure of the main layer
     total: float  # sum of its readings
-    live: int  # tactels of it that are read
-    highest: int  # tactels of it at the top
-    clipped: int  # tactels of all layers at or above full scale
-    missing: int  # tactels of all layers that are not read
+    live: int  # number of its tactels with a reading
+    highest: int  # number of its tactels with the highest pressure
+    clipped: int  # number of tactels at or above full scale, in all layers
+    missing: int  # number of tactels without a reading, in all layers
 
 
 @njit(cache=True, error_model='numpy')
 def survey(frame: Any, main: int, full: Any, pad: Any) -> Survey:
     """
-    See what is in an image before anything is fitted.
+    Examine an image before anything is fitted.
 
-    The frame (layers, rows, columns) is NaN where there is no reading; `main` is the layer that is
-    looked at, `full` the full scale of each (layers,), infinite if there is none.
+    A tactel of the frame (layers, rows, columns) without a reading is NaN. `main` is the index of
+    the pressure layer, `full` (layers,) the full scales; infinite: none.
     """
     top, total, live, highest, clipped, missing = -np.inf, 0.0, 0, 0, 0, 0
     for k in range(frame.shape[0]):

@@ -1,4 +1,4 @@
-"""What was recorded of a sensor, in the order of time: bags as they were seen."""
+"""Read the recorded messages of a sensor from a bag, in the order of reception."""
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
@@ -12,7 +12,7 @@ from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns
 from tactile_sensing.conversions import contact_from_msg, image_from_msg
 from tactile_sensing.types.image import TactileImage
 
-# Types of the topics of a sensor and its robot, by their names.
+# Message types of the topics of a sensor and its robot, by topic name.
 TYPES = {'image': 'tactile_msgs/msg/TactileImage', 'sensor_info': 'tactile_msgs/msg/SensorInfo',
          'contact': 'tactile_msgs/msg/Contact', 'sensor_pose': 'geometry_msgs/msg/PoseStamped',
          'joint_states': 'sensor_msgs/msg/JointState'}
@@ -23,10 +23,10 @@ _CONVERTED: dict[str, Callable[[Any], Any]] = {
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Observation:
-    """A message of a recording, converted when it is asked for its value."""
+    """A recorded message; it is converted when its value is requested."""
 
     kind: str  # 'image', 'contact' or 'sensor_pose'
-    stamp_ns: int  # when it was measured [ns]
+    stamp_ns: int  # time of the measurement [ns]
     _row: Recorded
     _bag: Bag
 
@@ -34,8 +34,8 @@ class Observation:
         """
         Return the TactileImage, Contact or pose (4, 4).
 
-        ConfigurationError where the message is damaged, or of an older definition that lacks a
-        field.
+        Raises a ConfigurationError if the message is damaged, or has an older definition that
+        lacks a field.
         """
         try:
             return _CONVERTED[self.kind](self._row.message)
@@ -45,10 +45,10 @@ class Observation:
 
 def observations(bag: Bag, topics: Mapping[str, str]) -> Iterator[Observation]:
     """
-    Yield what was recorded, in the order of its reception, as it reached a node.
+    Yield the recorded messages in the order of reception.
 
-    `topics` are those to read, which may be missing, with their kind. Raises a
-    ConfigurationError where the bag is damaged.
+    `topics` maps the topics to read to their kind; a topic may be missing. Raises a
+    ConfigurationError if the bag is damaged.
     """
     for row in bag.messages(topics):
         try:
@@ -60,11 +60,11 @@ def observations(bag: Bag, topics: Mapping[str, str]) -> Iterator[Observation]:
 
 class RecordedImages:
     """
-    The images of one sensor in a bag, in the order of their reception.
+    The images of one sensor in a bag, in the order of reception.
 
-    The namespace of the sensor may be left out where there is one. ConfigurationError where the
-    bag or a message in it is damaged, it has no images, those of several sensors, or of arrays
-    that differ.
+    The namespace may be omitted if the bag has one sensor only. Raises a ConfigurationError if
+    the bag or a message is damaged, if there are no images or the sensor is ambiguous, or if the
+    images differ in their array.
     """
 
     def __init__(self, path: str | PathLike, namespace: str | None = None):
@@ -92,7 +92,7 @@ class RecordedImages:
 
 
 class RecordedCounts(RecordedImages):
-    """Likewise, of a driver that passes counts through, with what an ArrayReader has."""
+    """Recorded images of raw counts, with the interface of an ArrayReader."""
 
     dtype = np.dtype(np.float32)
 
@@ -103,17 +103,17 @@ class RecordedCounts(RecordedImages):
 
     @property
     def signed(self) -> bool:
-        """Whether counts may be below 0: the lowest tells that it is clipped."""
+        """Whether counts may be negative, i.e. the floor is below 0."""
         return self.layer.floor < 0.0
 
     @property
     def bits(self) -> int | None:
-        """Bits that hold the counts up to full scale; None where it is not told."""
+        """Number of bits for the counts up to full scale; None if full scale is unknown."""
         full = self.layer.full_scale
         return int(full).bit_length() + self.signed if full >= 1.0 and full % 1.0 == 0 else None
 
     def chunks(self, rows: int) -> Iterator[np.ndarray]:
-        """Yield frames of counts, (n, rows, columns), n at most `rows`."""
+        """Yield chunks of frames of counts, (n, rows, columns), where n is at most `rows`."""
         frames = []
         for image in self:
             frames.append(image.raw_counts()[0])

@@ -1,1 +1,1 @@
-"""Devices: serial protocols, calibration from counts to pressure, recordings."""
+"""Devices: serial protocols, calibration of counts to pressure, recordings."""

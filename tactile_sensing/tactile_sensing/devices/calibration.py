@@ -1,4 +1,4 @@
-"""From raw counts to pressure: what is known of one array."""
+"""Calibration of one array: conversion of raw counts to pressure, and sensor properties."""
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -27,12 +27,13 @@ def _at_least_0(unit: str = '') -> Any:
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """
-    What turns the counts of one array into an image, and what is known of its sensor.
+    Conversion of the counts of one array to an image, and known properties of its sensor.
 
-    `gain`, pressure per count [unit/count], `baseline`, the counts of the unloaded pad as the
-    maker or an earlier tare found them, and `noise` are given for all tactels or one each,
-    `(rows, columns)`. With the unit 'counts' gains are only known relative to each other, and no
-    force can be told. Raises a ConfigurationError where a value is out of bounds.
+    `gain` is the pressure per count [unit/count]. `baseline` is the counts of the unloaded pad,
+    from the maker or an earlier tare. `gain`, `baseline` and `noise` are one number for all
+    tactels, or one per tactel, `(rows, columns)`. With the unit 'counts' the gains are only known
+    relative to each other, and there are no forces. Raises a ConfigurationError if a value is out
+    of bounds.
     """
 
     array: TactelArray
@@ -40,22 +41,22 @@ class Calibration:
     unit: str = one_of('Pa', "or 'counts' if nothing is known", ('Pa', 'counts'))
     baseline: np.ndarray = 0.0  # type: ignore[assignment]
     noise: np.ndarray = 0.0  # type: ignore[assignment]  # standard deviation [counts]; 0 = unknown
-    gain_spread: float = _at_least_0()  # standard deviation of the true gains about these
-    # Of the forces of all contacts in common, relative: by what gains and skin may be off.
+    gain_spread: float = _at_least_0()  # relative standard deviation of true gains about `gain`
+    # Relative standard deviation that all forces have in common, due to errors of gain and skin.
     force_std: float = _at_least_0()
     bits: int = 8  # this and the next three: see `Counts`
     signed: bool = False
     threshold: int | None = None
     saturation: int | None = None
-    # Of a count, in the unit of frames in files (V, say), where that is another than counts.
+    # Size of one count in the unit of frames in files, if that is not counts but e.g. V.
     resolution: float = bounded(1.0, '', '', *RESOLUTION)
     dead_tactels: tuple[int, ...] = ()  # row-major indices of tactels that are never used
-    # From `baseline` of an unloaded tactel [counts]; more is a load. 0: 5 / 255 of the range.
+    # Largest deviation of an unloaded tactel from `baseline` [counts]; 0: 5 / 255 of the range.
     tare_tolerance: float = _at_least_0()
-    # Row of the raw frames that is each row of the image, likewise columns; empty: as they come.
+    # For each row of the image, the index of the raw row; the same for columns. Empty: unchanged.
     row_order: tuple[int, ...] = ()
     column_order: tuple[int, ...] = ()
-    transposed: bool = False  # whether raw frames have the image's rows as columns
+    transposed: bool = False  # whether the rows of the image are columns of the raw frames
     component: str = one_of('zz', 'of the stress', COMPONENTS)
     depth: float = bounded(0.0, 'of the tactels below the surface', 'm', 0.0, PITCH[1])
     thickness: float = _at_least_0('m')  # of the skin on a rigid backing; 0 = no backing near
@@ -64,13 +65,13 @@ class Calibration:
                          ('area', 'point', ''))
     skin_stiffness: float = _at_least_0('N/m^2')  # line force per indentation; 0 = unknown
     max_load: float = _at_least_0('N')  # largest normal force on the pad; 0 = unknown
-    # From the middle of the acquisition to the arrival of the last byte.
+    # Time from the middle of the acquisition to the arrival of the last byte.
     acquisition_delay: float = _at_least_0('s')
     nominal_rate: float = _at_least_0('Hz')  # images per second; 0 = unknown
     model: str = 'flexitac'  # kind of device
     serial_number: str = ''
-    source: str = ''  # where these values come from
-    found: dict = field(default_factory=dict)  # how they were found, how well, what was assumed
+    source: str = ''  # origin of these values
+    found: dict = field(default_factory=dict)  # how they were found, accuracy, assumptions
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -96,7 +97,7 @@ class Calibration:
             raise ConfigurationError('dead_tactels holds every tactel of the array')
 
     def _per_tactel(self, name: str) -> np.ndarray:
-        """Replace a scalar or nested list by an array, shape `(rows, columns)`."""
+        """Replace a scalar or nested list by an array, shape `(rows, columns)`; return it."""
         try:
             given = np.asarray(getattr(self, name), dtype=np.float32)
         except (TypeError, ValueError):
@@ -112,12 +113,12 @@ class Calibration:
 
     @cached_property
     def counts(self) -> Counts:
-        """Range of the converter."""
+        """Range of the analogue-digital converter."""
         return Counts(self.bits, self.signed, self.threshold, self.saturation)
 
     @cached_property
     def live(self) -> np.ndarray:
-        """Whether a tactel is used, (rows, columns)."""
+        """Whether each tactel is used, (rows, columns)."""
         live = np.ones(self.array.rows * self.array.columns, bool)
         for index in self.dead_tactels:
             if not 0 <= index < live.size:
@@ -143,10 +144,10 @@ class Calibration:
     @classmethod
     def uncalibrated(cls, rows: int, columns: int, pitch: Any, **values: Any) -> 'Calibration':
         """
-        Return a calibration that passes the counts through.
+        Return a calibration that leaves the counts unchanged.
 
-        The pitch is one length or two, along x and y [m]; values are other fields of the class.
-        The depth of the tactels is taken as the smaller pitch where it is not given.
+        The pitch is one length, or two along x and y [m]. `values` are other fields of the class.
+        The default depth of the tactels is the smaller pitch.
         """
         pitch_x, pitch_y = pitch_pair(pitch)
         values = {'unit': 'counts', 'model': 'uncalibrated', 'source': 'none',
@@ -156,9 +157,11 @@ class Calibration:
     def make_tare(self, frames: Sequence[np.ndarray] | np.ndarray,
                   before: Tare | None = None) -> Tare:
         """
-        Average frames of the unloaded pad, raw counts `(n, rows, columns)`, see `tare`.
+        Average frames of the unloaded pad, raw counts `(n, rows, columns)`.
 
-        A tactel that is off the baseline is loaded, or off the tare before by more than its noise.
+        A tactel counts as loaded if it differs from the baseline by more than the tolerance. With
+        a tare `before`, it must not differ from that by more than the noise. Raises a
+        TareRefusedError, see `tare_of`.
         """
         frames = np.asarray(frames)
         if frames.ndim != 3 or frames.shape[1:] != self.raw_shape:
@@ -173,12 +176,12 @@ class Calibration:
 
     def converter(self, tare: Tare | None = None) -> Convert:
         """
-        Return the function that turns raw counts into a layer; without tare, by the baseline.
+        Return the function that converts raw counts to a layer; without tare, by the baseline.
 
-        It takes raw counts `(..., rows, columns)`, and returns `(Layer, saturated)`: stress with
-        NaN for dead and saturated tactels, and the number of live ones that are saturated. Counts
-        below the threshold are given what noise has there in the mean without a load: else the
-        sum of an unloaded image would be a load.
+        It takes raw counts `(..., rows, columns)` and returns `(Layer, saturated)`: stress with
+        NaN for dead and saturated tactels, and the number of saturated live tactels. A count below
+        the threshold becomes the mean value of the noise below the threshold without load.
+        Otherwise the sum over an unloaded image would not be 0.
         """
         offset, noise = self._unloaded(tare)
         zero = np.where(self.live, self.gain * offset, np.nan).astype(np.float32)
@@ -208,7 +211,7 @@ class Calibration:
         return self.converter(tare)(np.asarray(frames, dtype=np.float64))[0].stress
 
     def _unloaded(self, tare: Tare | None) -> tuple[np.ndarray, np.ndarray]:
-        """Counts of the unloaded tactels, and their noise; 0 where it is not known."""
+        """Return the counts of the unloaded tactels, and their noise; 0: unknown."""
         if tare is not None:
             return tare.offset, tare.noise
         return self.baseline, np.where(
@@ -218,7 +221,7 @@ class Calibration:
         """Return the layer without values: component, skin, unit, range and noise."""
         gain, (offset, noise) = self.gain[self.live], (
             values[self.live] for values in self._unloaded(tare))
-        # What every live tactel reaches at the top, and what none is below at the bottom.
+        # Lowest full scale and highest floor of all live tactels.
         full_scale = (gain * (self.counts.saturation - offset)).min()
         floor = (gain * (self.counts.threshold - 0.5 - offset)).max()
         return Layer(
@@ -228,7 +231,7 @@ class Calibration:
 
     def sensor_info(self, sensor: str, frame_id: str, stamp_ns: int, tare: Tare | None = None,
                     tared_at_ns: int = 0) -> SensorInfo:
-        """Return what is known of the sensor, for those who read its images."""
+        """Return the properties of the sensor that are published with its images."""
         return SensorInfo(
             stamp_ns=stamp_ns, frame_id=frame_id, sensor=sensor, model=self.model,
             serial_number=self.serial_number, array=self.array, nominal_rate=self.nominal_rate,
@@ -238,7 +241,7 @@ class Calibration:
 
 
 def pitch_pair(pitch: Any) -> tuple[Any, Any]:
-    """Pitch along x and along y, of one length or two [m]."""
+    """Return the pitch along x and along y, given one length or two [m]."""
     if isinstance(pitch, (list, tuple)):
         if len(pitch) != 2:
             raise ConfigurationError(f'pitch is {pitch!r}, must be one length or two [m]')

@@ -19,9 +19,10 @@ def load_calibration(path: str | PathLike) -> Calibration:
     """
     Read a calibration file.
 
-    YAML with the fields of `Calibration` as keys, but `rows`, `columns` and `pitch` ([m], one
-    value or x and y) for the array and `[row, column]` pairs for `dead_tactels`. The
-    ConfigurationError of a key that is missing, unknown or out of bounds names the file.
+    The keys of the YAML file are the fields of `Calibration`, with two exceptions: the array is
+    given by `rows`, `columns` and `pitch` ([m], one value or x and y), and `dead_tactels` are
+    `[row, column]` pairs. Raises a ConfigurationError that names the file if a key is missing,
+    unknown or out of bounds.
     """
     try:
         return _from_mapping(read_yaml(path), str(path))
@@ -30,7 +31,7 @@ def load_calibration(path: str | PathLike) -> Calibration:
 
 
 def save_calibration(calibration: Calibration, path: str | PathLike) -> None:
-    """Write a file that `load_calibration` reads; ConfigurationError where that fails."""
+    """Write a file for `load_calibration`; raise a ConfigurationError if that fails."""
     array = calibration.array
     values: dict = {'rows': array.rows, 'columns': array.columns,
                     'pitch': [float(array.pitch_x), float(array.pitch_y)]}
@@ -53,7 +54,7 @@ def save_calibration(calibration: Calibration, path: str | PathLike) -> None:
 
 
 def _tidy(values: np.ndarray) -> float | list[list[float]]:
-    """One number if all are the same, else rows of numbers; of five digits."""
+    """Return one number if all are equal, else rows of numbers; rounded to five digits."""
     rows = [[float(f'{value:.5g}') for value in row] for row in values]
     return rows[0][0] if len({value for row in rows for value in row}) == 1 else rows
 

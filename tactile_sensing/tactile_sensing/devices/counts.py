@@ -1,4 +1,4 @@
-"""Which counts a sensor can report, and which of them are measurements."""
+"""Range of the counts of a sensor, and which of them are measurements."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,18 +13,18 @@ MAX_BITS = 16
 @dataclass(frozen=True)
 class Counts:
     """
-    Range of an analogue-digital converter, and what in it is measured.
+    Range of an analogue-digital converter, and the part of it that is measured.
 
-    A reading below `threshold` only says that the tactel is below it, one of `saturation` or more
-    that it is at full scale. A converter clips at its lowest count, so that the threshold is at
-    least one above; a sensor that sets what is small to its lowest count, or to zero, has a higher
-    one. Raises a ConfigurationError where a value is out of bounds.
+    A reading below `threshold` is only an upper bound. A reading of `saturation` or more is at
+    full scale. A converter clips at its lowest count, so the threshold is at least one count
+    higher. It is higher still if the sensor replaces small values by its lowest count or by zero.
+    Raises a ConfigurationError if a value is out of bounds.
     """
 
     bits: int = 8
     signed: bool = False
-    threshold: Any = None  # int: least count that is measured; None: the lowest but one
-    saturation: Any = None  # int: least count that is at full scale; None: the highest
+    threshold: Any = None  # int: smallest count that is measured; None: lowest + 1
+    saturation: Any = None  # int: smallest count that is at full scale; None: highest
 
     def __post_init__(self) -> None:
         if type(self.bits) is not int or not 1 <= self.bits <= MAX_BITS:
@@ -32,7 +32,7 @@ class Counts:
                 f'bits is {self.bits!r}, must be an integer from 1 to {MAX_BITS}')
         if not isinstance(self.signed, bool):
             raise ConfigurationError(f'signed is {self.signed!r}, must be true or false')
-        full = self.highest + (self.bits == 1)  # of one bit, both are measurements
+        full = self.highest + (self.bits == 1)  # with one bit, both counts are measurements
         for name, default in (('threshold', self.lowest + 1), ('saturation', full)):
             value = getattr(self, name)
             if value is None:
@@ -44,7 +44,7 @@ class Counts:
 
     @property
     def lowest(self) -> int:
-        """Least count of the converter."""
+        """Smallest count of the converter."""
         return -(1 << self.bits - 1) if self.signed else 0
 
     @property
@@ -54,9 +54,9 @@ class Counts:
 
     @property
     def dtype(self) -> np.dtype:
-        """Least integer type that holds them."""
+        """Smallest integer type for the counts."""
         return np.dtype(('i' if self.signed else 'u') + ('1' if self.bits <= 8 else '2'))
 
     def outside(self, readings: np.ndarray) -> np.ndarray:
-        """Return which readings the converter cannot send, rounded; NaN is none of them."""
+        """Return which readings, after rounding, the converter cannot send; False for NaN."""
         return (readings < self.lowest - 0.5) | (readings > self.highest + 0.5)

@@ -1,21 +1,21 @@
 """
-Byte protocol of a FlexiTac reading circuit, without any input or output.
+Byte protocol of a FlexiTac reading circuit, without input or output.
 
-The device runs free: the marker `AA 55`, then `rows * columns` unsigned bytes, row-major, then
-the next marker. Converters of more than eight bits send words of two bytes, the lower one first,
-signed ones two's complements. Nothing is escaped and there is no checksum, so the marker may occur
-in the payload, and a frame counts only if the next marker stands where it must.
+The device sends continuously: the marker `AA 55`, then `rows * columns` unsigned bytes, row-major,
+then the next marker. Converters of more than eight bits send words of two bytes, low byte first;
+signed words are two's complements. Nothing is escaped and there is no checksum. The marker may
+therefore occur in the payload, and a frame is accepted only if the next marker follows it.
 
-In lock a frame costs no more latency than those two bytes. Without lock (at the start, after a
-loss) three markers at the right distances are demanded: in random bytes two of them stand right
-once in 2^32 positions, which is 0.3 % in a minute at 2 Mbaud, three once in 2^48. The frames that
-were held back meanwhile are genuine and are delivered, late.
+In lock, a frame is delayed by no more than these two bytes. Without lock (at the start, after a
+loss) three markers at the right distances are required. In random bytes, two of them occur by
+chance once in 2^32 positions, which is 0.3 % in a minute at 2 Mbaud; three once in 2^48. The
+frames that are held back meanwhile are genuine and are delivered late.
 
-Tactels that stand still at the marker's values mimic it, and after a lost byte several phases
-look alike. Then the frames before tell: a place that held a marker within them is no start of
-another one. Where that does not tell, the decoder waits for noise. A loss that brings such a place
-to where a marker is expected would keep the decoder in lock in the wrong phase; it shows by the
-true marker, now at the mirrored place, and ends the lock.
+Tactels with constant counts equal to the marker mimic it; after a lost byte, several phases then
+look alike. The decoder uses the frames before the loss: a place that held a marker within them is
+not the start of a frame. If this is not sufficient, it waits for noise. A loss may also move such
+a mimic to the place where a marker is expected, so that the decoder would stay in lock with the
+wrong phase. Then the true marker appears at the mirrored place, and the lock ends.
 """
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -28,46 +28,46 @@ from numpy.typing import DTypeLike
 from tactile_sensing.devices.protocol import Decoder, Device, Piece
 
 MARKER = b'\xaa\x55'
-AMBIGUOUS_PERIODS = 8  # periods to wait for while several places are confirmed
+AMBIGUOUS_PERIODS = 8  # periods to wait while several places are possible
 
 
 def encode_payload(counts: np.ndarray) -> bytes:
-    """Return the payload of one image alone: integers of one byte or two, as they are."""
+    """Return the payload of one image; integers of one or two bytes are not converted."""
     if counts.dtype.itemsize > 2:
         counts = counts.astype(np.uint8)
     return counts.astype(counts.dtype.newbyteorder('<')).tobytes()
 
 
 class FlexiTacDevice(Device):
-    """A reading circuit: it announces a frame by its marker as soon as the last one is out."""
+    """A reading circuit: it sends the next frame's marker directly after a frame."""
 
     preamble = MARKER
 
     def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
-        """Return what a device sends once a marker is out."""
+        """Return the bytes of a frame after its marker, and the next marker."""
         return encode_payload(counts) + MARKER
 
 
 class Run(NamedTuple):
-    """Markers a period apart."""
+    """Markers that are one period apart."""
 
-    last: int  # position of the last one in the stream
-    periods: int  # confirmed, one less than the markers
+    last: int  # position of the last marker in the stream
+    periods: int  # confirmed periods, one less than the markers
 
 
 class FlexiTacDecoder(Decoder):
     """
-    Turn received bytes into frames, see `protocol.Decoder`.
+    Decoder of `flexitac`.
 
-    Counts are of the type that is given, an integer of one byte or two. Without lock each byte is
-    searched once, and once a period at most eight places are compared.
+    `kind` is the type of the counts, an integer of one or two bytes. Without lock, each byte is
+    searched once, and at most eight places are compared per period.
     """
 
     announced = len(MARKER)
 
     def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint8):
-        # What survives a reset, as the pad is the same one: where the last good frame began, the
-        # places in it that mimic a marker, and for how many frames by now.
+        # These survive a reset, because the pad is the same: start of the last good frame; places
+        # in it that mimic a marker, with the number of consecutive frames.
         self._start: int | None = None
         self._mimics: dict[int, int] = {}
         super().__init__(rows, columns, np.dtype(kind).newbyteorder('<'))
@@ -77,8 +77,8 @@ class FlexiTacDecoder(Decoder):
         self._period = len(MARKER) + math.prod(self.shape) * self._kind.itemsize
         self.buffer_bound = (AMBIGUOUS_PERIODS + 2) * self._period + len(MARKER)
         self._held = 0  # confirmed frames at the head of the buffer
-        self._breaks: deque[int] = deque(maxlen=4 * AMBIGUOUS_PERIODS)  # places where reads end
-        self._distances: deque[int] = deque(maxlen=64)  # between markers: how long frames are
+        self._breaks: deque[int] = deque(maxlen=4 * AMBIGUOUS_PERIODS)  # places where reads ended
+        self._distances: deque[int] = deque(maxlen=64)  # between markers: the length of frames
         self._search_from(self._origin)
 
     def _search_from(self, position: int) -> None:
@@ -86,12 +86,12 @@ class FlexiTacDecoder(Decoder):
         self._runs: deque[Run] = deque()  # by their last markers, all within one period
 
     def receive_data(self, data: bytes) -> None:
-        """Append what came from the port; parsing is left to `next_event`."""
+        """Append received bytes to the buffer; `next_event` parses them."""
         super().receive_data(data)
         self._breaks.append((self._origin + len(self._buffer)) % self._period)
 
     def explain(self) -> str:
-        """Say how long the frames of a stream are that makes none of this array."""
+        """Return a text if the frames have another length than those of this array."""
         period, count = max(Counter(self._distances).items(), key=lambda it: it[1], default=(0, 0))
         if self.locked or count < max(0.8 * len(self._distances), 3) or period == self._period:
             return ''
@@ -110,7 +110,7 @@ class FlexiTacDecoder(Decoder):
                 return None
             if self._buffer.startswith(MARKER, self._period) and not self._slipped():
                 self._held = 1
-            else:  # the frame is broken; its own marker cannot start another one
+            else:  # the frame is broken; search behind its marker
                 self.locked = False
                 self._search_from(self._origin + 1)
         if not self._held:
@@ -129,16 +129,16 @@ class FlexiTacDecoder(Decoder):
         return Piece(self._period, np.frombuffer(payload, self._kind).reshape(self.shape))
 
     def _slipped(self) -> bool:
-        """Whether a marker stands where the true one is if a fixed mimic has taken its place."""
-        fixed = [place for place, count in self._mimics.items() if count >= 8]  # frames in turn
+        """Return whether the true marker appears where it is if a mimic has taken its place."""
+        fixed = [place for place, count in self._mimics.items() if count >= 8]  # in 8 frames
         return any(self._buffer.startswith(MARKER, self._period - place) for place in fixed
                    if self._period - place not in self._mimics)
 
     def _find(self) -> Run | None:
-        """Return the run that frames start with; None: more bytes are needed."""
+        """Return the run of the frame markers; None: more bytes are needed."""
         while (at := self._buffer.find(MARKER, max(self._next - self._origin, 0))) >= 0:
             run = self._extend(self._origin + at)
-            if run.periods < 2:  # that a marker behind them confirms
+            if run.periods < 2:  # three markers are required
                 continue
             if len(self._runs) == 1:
                 return run
@@ -147,12 +147,12 @@ class FlexiTacDecoder(Decoder):
                 best = self._likeliest()
                 if best is not None:
                     return best
-        # The last bytes may be the first ones of a marker.
+        # The last bytes may be the begin of a marker.
         self._next = max(self._next, self._origin + len(self._buffer) - len(MARKER) + 1)
         return None
 
     def _extend(self, position: int) -> Run:
-        """Enter a marker; what had to be confirmed by now and was not is no run any more."""
+        """Add a marker to its run; remove runs whose next marker is missing. Return its run."""
         self._distances.append(position - self._marker_at)
         self._marker_at, self._next = position, position + 1
         periods, before = 0, position - self._period
@@ -164,20 +164,20 @@ class FlexiTacDecoder(Decoder):
         return self._runs[-1]
 
     def _likeliest(self) -> Run | None:
-        """Return the likeliest run, None while waiting may tell more."""
+        """Return the likeliest run; None: wait for more bytes."""
         settled = max(run.periods for run in self._runs) >= AMBIGUOUS_PERIODS
         runs, start = [run for run in self._runs if run.periods], self._start
         if start is None:
             if not settled:
                 return None
-            # A device pauses before or behind its marker, not within an image: reads end there
-            # in half of the periods and more.
+            # A device pauses before or after its marker, not within an image: reads end there in
+            # at least half of the periods.
             ends = np.bincount(self._breaks, minlength=self._period)
             return max(runs, key=lambda run: (
                 (ends[run.last % self._period]
                  + ends[(run.last + len(MARKER)) % self._period]) // (AMBIGUOUS_PERIODS // 2),
                 run.periods * self._period - run.last))
-        # Bytes get lost rather than added: the place lies at or before the expected one.
+        # Bytes are lost, not added: the true place is at or before the expected one.
         runs.sort(key=lambda run: (start - run.last) % self._period)
         strange = [self._strangers(run) for run in runs[:8]]
         if not settled and (min(strange) or strange.count(0) > 1):
@@ -185,13 +185,13 @@ class FlexiTacDecoder(Decoder):
         return runs[strange.index(min(strange))]
 
     def _strangers(self, run: Run) -> int:
-        """Count the places that mimic a marker if frames start with a run, and did not before."""
+        """Count the mimics that would be new if the frames started with this run."""
         return sum((other.last - run.last) % self._period not in self._mimics
                    for other in self._runs if other is not run)
 
 
 def _places(payload: bytes) -> Iterator[int]:
-    """Yield the distances from the frame's start at which a payload holds the marker."""
+    """Yield the distances from the start of the frame at which a payload contains the marker."""
     at = payload.find(MARKER)
     while at >= 0:
         yield at + len(MARKER)

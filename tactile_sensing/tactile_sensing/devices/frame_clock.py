@@ -1,4 +1,4 @@
-"""When the frames of a sensor arrived, and which of them are fit to be shown; reads no clock."""
+"""Compute the stamps of a sensor's frames and reject bad frames; reads no clock itself."""
 from collections import Counter, deque
 import math
 from typing import NamedTuple
@@ -9,51 +9,56 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.protocol import Decoder, Frame
 
 NS = 1_000_000_000
-# A frame whose bytes took longer than both is no picture of one instant.
+# A frame whose bytes take longer than both does not show one instant.
 STALL_PERIODS, STALL_NS = 3, 10_000_000
-RATE_MARGIN = 6.0  # times the nominal rate: a sensor may be set faster, but not by more
-MAX_RATE = 10e3  # Hz, where no rate is known
-BURST = 0.1  # s of frames that may come at once, after a pause
-BLOCK_NS = NS // 2  # of each the frame that came with the least delay is looked at
+RATE_MARGIN = 6.0  # largest rate relative to the nominal one: a sensor may be set faster
+MAX_RATE = 10e3  # largest rate if no nominal rate is known [Hz]
+BURST = 0.1  # frames of this time may arrive at once after a pause [s]
+BLOCK_NS = NS // 2  # the frame with the smallest delay of each such block is used
 
 
 class SensorImage(NamedTuple):
-    """One image of a sensor as it was read."""
+    """One image of a sensor with its stamp."""
 
-    stamp_ns: int  # when its last byte came, had it come as usual and without jitter
-    sequence: int  # images before this one, with an estimate of the lost ones
+    stamp_ns: int  # arrival of its last byte, corrected for jitter and unusual delays
+    sequence: int  # number of images before this one, including an estimate of lost ones
     counts: np.ndarray  # shape (rows, columns)
 
 
 class SendTime:
     """
-    Time at which frames were sent, without the jitter of their reception.
+    Estimate when frames were sent, without the jitter of their reception.
 
-    Nothing arrives before it was sent. Of frames that are evenly spaced in the device's time,
-    those that came with the least delay lie on a line; its slope holds the drift of the device's
-    clock. Where that time is only a count of frames, one that comes a period late shows that the
-    device has left one out, if the jitter is well below a period. A time is never later than the
-    arrival, nor earlier by much more than the usual jitter.
+    A frame cannot arrive before it was sent. Of frames that are evenly spaced in device time,
+    those with the smallest delay lie on a line of arrival over device time; its slope includes the
+    drift of the device's clock. If the device time is only a count of frames, a frame that is late
+    by a period shows that the device omitted a frame, provided that the jitter is well below a
+    period. The result is never later than the arrival, and earlier by at most three times the
+    usual jitter.
     """
 
     def __init__(self) -> None:
-        self._left_out_ns = 0  # frames that the device did not count, in its time
+        self._left_out_ns = 0  # device time of frames that the device did not count [ns]
         self._jitter_ns = 0.0
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew; until there is a line, a frame was sent as it arrived."""
-        self._block: list[tuple[int, int]] = []  # times of device and arrival
+        """Start again; until a line is fitted, the arrival is returned."""
+        self._block: list[tuple[int, int]] = []  # device time and arrival
         self._blocks: deque[np.ndarray] = deque(maxlen=20)
-        # Slope and offset from the origin; slope 0: there is no line.
+        # Slope and offset relative to the origin; slope 0: no line yet.
         self._line = 0.0, 0.0
         self._origin = (0, 0)
 
     def of(self, device_ns: int, arrival_ns: int, period_ns: float = 0.0) -> int:
-        """Return when a frame of a time of the device, or of a count of periods, was sent [ns]."""
+        """
+        Return when a frame was sent [ns], given its device time and arrival.
+
+        If the device time is a count of frames times their period, give the period too.
+        """
         device_ns += self._left_out_ns
-        # With jitter well below a period a late frame shows that others were left out; it may
-        # come a quarter of a period before its time.
+        # If the jitter is well below a period, a late frame shows that others were omitted. It may
+        # be early by a quarter of a period.
         if self._jitter_ns < 0.6 * self._line[0] * period_ns:
             late_ns = arrival_ns - self._sent(device_ns)
             left_out_ns = round(period_ns * math.floor(
@@ -62,7 +67,7 @@ class SendTime:
             device_ns += left_out_ns
         self._block.append((device_ns, arrival_ns))
         if (abs(arrival_ns - self._block[0][1]) >= BLOCK_NS
-                or len(self._block) >= MAX_RATE):  # of a clock that stands still
+                or len(self._block) >= MAX_RATE):  # in case the clock stands still
             self._blocks.append(np.array(self._block))
             self._block = []
             self._fit()
@@ -88,7 +93,7 @@ class SendTime:
                                for block in blocks])
         offset = mean[1] - slope * mean[0]
         if np.abs(lowest[:, 1] - slope * lowest[:, 0] - offset).max() > 1e6:
-            # A clock or a count has jumped.
+            # A clock or a count has jumped: start again with the last block.
             last = self._blocks[-1]
             self.restart()
             self._blocks.append(last)
@@ -101,15 +106,15 @@ class SendTime:
 
 class FrameClock:
     """
-    Feed a decoder with what is read from a port, and give images with their times.
+    Feed a decoder with received bytes and return images with stamps.
 
-    A frame is as old as its first byte: where its bytes took longer than usual its time is that
-    much earlier, and where they took `STALL_PERIODS`, and `STALL_NS`, it is refused. Of frames
-    that were read at once, the earlier ones arrived a period apart. Where the reader had not
-    caught up with the port for as long as that, what it finds may have waited there while newer
-    bytes were lost: if the nominal rate is known, such frames have the earliest time that is
-    possible. No more are given than `RATE_MARGIN` times the nominal rate [Hz], or `MAX_RATE`
-    where that is 0, in the mean of `BURST`.
+    If the bytes of a frame took longer than usual, its stamp is earlier by the difference, because
+    a frame is as old as its first byte. If they took `STALL_PERIODS` and `STALL_NS`, the frame is
+    rejected. If several frames are read at once, they are assumed to have arrived one period
+    apart. If the reader had not caught up with the port for as long as a stall, the bytes may have
+    waited while newer ones were lost: with a known nominal rate, such frames get the earliest
+    possible stamp. The rate of images is limited to `RATE_MARGIN` times the nominal rate [Hz],
+    or to `MAX_RATE` if that is 0, averaged over `BURST`.
     """
 
     def __init__(self, decoder: Decoder, nominal_rate: float = 0.0):
@@ -118,32 +123,32 @@ class FrameClock:
                 f'rate is {nominal_rate} Hz, must be from 0 to {MAX_RATE:g} Hz')
         self.decoder = decoder
         self._limit = RATE_MARGIN * nominal_rate or MAX_RATE  # Hz
-        # Frames that were refused because their bytes took too long, or came too fast.
+        # Frames that were rejected because their bytes took too long, or the rate was too high.
         self.stalled = self.thinned = 0
-        self.jitter_ns = 0.0  # by which frames come later than they were sent, in the mean
+        self.jitter_ns = 0.0  # mean delay of frames between stamp and reading
         self._nominal_ns = NS / nominal_rate if nominal_rate else 0.0
         self._period_ns = self._nominal_ns
-        self._usual_ns = 0.0  # from the first to the last byte of a frame
+        self._usual_ns = 0.0  # usual time from the first to the last byte of a frame
         self._credit = BURST * self._limit
-        self._received = self._backlog = 0  # bytes; frames since the reader had caught up
+        self._received = self._backlog = 0  # bytes; frames since the reader caught up
         self._caught_up_ns: int | None = None
         self._send_time = SendTime()
-        self._newest_ns = self._given_ns = 0  # arrival of the newest frame; and of one given
+        self._newest_ns = self._given_ns = 0  # arrival of the newest frame; last stamp
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew, as after the port was opened."""
+        """Start again, after the port was opened."""
         self.decoder.reset()
         self._send_time.restart()
-        # Reads that may hold bytes of a frame to come: the position behind each, and its time.
+        # Reads that may contain bytes of a future frame: position after each read, and its time.
         self._arrivals: deque[tuple[int, int]] = deque()
 
     def receive(self, data: bytes, now_ns: int,
                 caught_up_ns: int | None = None) -> list[SensorImage]:
         """
-        Return the images that are complete with bytes read at a time [ns].
+        Return the images that are complete with bytes that were read at `now_ns` [ns].
 
-        All of them came after `caught_up_ns`; without it, they have just come.
+        The bytes arrived after `caught_up_ns`; None: just before they were read.
         """
         if caught_up_ns is None or caught_up_ns != self._caught_up_ns:
             self._caught_up_ns, self._backlog = caught_up_ns, 0
@@ -160,7 +165,7 @@ class FrameClock:
         if frames:
             self._newest_ns = now_ns
         given = []
-        behind = Counter(last_ns for *_, last_ns in frames)  # frames of a read not yet judged
+        behind = Counter(last_ns for *_, last_ns in frames)  # remaining frames of each read
         since_ns = now_ns if caught_up_ns is None else caught_up_ns
         late = self._nominal_ns and now_ns - since_ns >= self._stall_ns()
         for frame, first_ns, last_ns in frames:
@@ -176,7 +181,7 @@ class FrameClock:
         return given
 
     def _times(self, frame: Frame) -> tuple[int, int]:
-        """When the first and the last byte of a frame were read."""
+        """Return when the first and the last byte of a frame were read [ns]."""
         self._forget(frame.first_byte)
         return self._arrivals[0][1], next(at for end, at in self._arrivals if end >= frame.end)
 
@@ -185,7 +190,7 @@ class FrameClock:
             self._arrivals.popleft()
 
     def _learn_period(self, now_ns: int) -> None:
-        since_ns = min(now_ns - self._newest_ns, NS)  # a long pause says nothing about it
+        since_ns = min(now_ns - self._newest_ns, NS)  # limits the effect of a long pause
         if self._newest_ns and since_ns > 0:
             gain = 0.1 if self._period_ns else 1.0
             self._period_ns += gain * (since_ns - self._period_ns)
@@ -195,7 +200,7 @@ class FrameClock:
         return max(STALL_PERIODS * period_ns, STALL_NS) if period_ns else NS
 
     def _judge(self, frame: Frame, first_ns: int, last_ns: int) -> int | None:
-        """Stamp of a frame by the times of its bytes; None: it is not given."""
+        """Return the stamp of a frame [ns] from the times of its bytes; None: rejected."""
         took_ns = max(last_ns - first_ns, 0)
         if took_ns >= self._stall_ns():
             self.stalled += 1
@@ -207,8 +212,8 @@ class FrameClock:
         elif self._nominal_ns:
             stamp_ns = self._send_time.of(
                 round(frame.sequence * self._nominal_ns), stamp_ns, self._nominal_ns)
-        if 0 <= self._given_ns - stamp_ns < NS:  # more: the clock was set back
-            stamp_ns = self._given_ns + 1  # a period was overestimated
+        if 0 <= self._given_ns - stamp_ns < NS:  # if more, the clock was set back
+            stamp_ns = self._given_ns + 1  # the period was overestimated
         elapsed = 1e-9 * max(stamp_ns - self._given_ns, 0)
         credit = min(self._credit + elapsed * self._limit, BURST * self._limit)
         if credit < 1.0:

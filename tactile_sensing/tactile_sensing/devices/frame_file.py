@@ -1,4 +1,4 @@
-"""Frames of an array in `.npz`, `.npy` and `.csv` files."""
+"""Read frames of an array from `.npz`, `.npy` and `.csv` files."""
 
 from collections.abc import Iterator
 import math
@@ -17,14 +17,14 @@ Shape = tuple[int, int]
 
 
 class _Unfolded:
-    """Reader of flat frames, (N, rows * columns), as (N, rows, columns)."""
+    """Reader that converts flat frames (N, rows * columns) to (N, rows, columns)."""
 
     def __init__(self, reader: Any, shape: Shape):
         self._reader, self.dtype = reader, reader.dtype
         self.shape = reader.shape[0], *shape
 
     def chunks(self, rows: int) -> Iterator[np.ndarray]:
-        """Yield frames in order, `rows` at a time, the last ones fewer."""
+        """Yield the frames in order, `rows` at a time; the last chunk may be smaller."""
         for part in self._reader.chunks(rows):
             yield part.reshape(len(part), *self.shape[1:])
 
@@ -32,11 +32,12 @@ class _Unfolded:
 def frame_reader(path: str | PathLike, shape: Shape | None = None,
                  source: str = '--shape') -> Any:
     """
-    Return the reader of the frames in a file; it has the `shape` and `chunks` of an ArrayReader.
+    Return a reader of the frames in a file; it has the `shape` and `chunks` of an ArrayReader.
 
-    The file is an `.npz` archive with `frames`, an `.npy` array, or a `.csv` file, a frame a row.
-    With a shape (rows, columns), as a source says, flat frames (N, rows * columns) become (N,
-    rows, columns). ConfigurationError where the file cannot be read, or has another shape.
+    The file is an `.npz` archive with `frames`, an `.npy` array, or a `.csv` file with one frame
+    per row. If `shape` (rows, columns) is given, flat frames (N, rows * columns) are converted to
+    (N, rows, columns). `source` names the origin of the shape in messages. Raises a
+    ConfigurationError if the file cannot be read or has another shape.
     """
     table = Path(path).suffix == '.csv'
     reader: Any = TableReader(path) if table else ArrayReader(path, 'frames')
@@ -57,7 +58,7 @@ def frame_reader(path: str | PathLike, shape: Shape | None = None,
 
 
 def read_whole(path: str | PathLike, reader: Any) -> np.ndarray:
-    """Return all frames of a reader; ConfigurationError if they are too many."""
+    """Return all frames of a reader; raise a ConfigurationError if they are too large."""
     size = math.prod(reader.shape) * reader.dtype.itemsize
     if size > MAX_WHOLE:
         raise ConfigurationError(f'{path}: frames {reader.shape} would take {size / 1e6:.0f} MB, '

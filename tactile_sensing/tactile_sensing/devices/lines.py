@@ -1,12 +1,12 @@
 """
-Arrays that print their counts as text.
+Protocols of arrays that print their counts as text.
 
-`csv_lines`: a frame a line, numbers with anything between them. A first number may be the
-device's time (`stamp`: ms or us), a last one the sum of all others modulo 65536 (`checksum`).
-`vitac`: a row a line, each number followed by a space; an empty line ends the frame.
+`csv_lines`: one frame per line; numbers with any separator. The first number may be the device's
+time (`stamp`: ms or us), the last one the sum of all others modulo 65536 (`checksum`).
+`vitac`: one row per line, each number followed by a space; an empty line ends the frame.
 
-What was sent before the port was opened may be cut off, so that nothing counts before the first
-end of a frame. Without a checksum a digit that changes on the way makes another count.
+The first frame after opening the port may be incomplete, so everything before the first end of a
+frame is discarded. Without a checksum, a corrupted digit results in a wrong count.
 """
 import numpy as np
 from numpy.typing import DTypeLike
@@ -16,13 +16,14 @@ from tactile_sensing.devices.protocol import Decoder, Device, Piece
 
 MODULUS = 1 << 16  # of the checksum
 TICKS = {'ms': 1_000_000, 'us': 1000}  # ns
-# Letters stay, so that text is no number; `_` would be skipped within one.
+# Replaces separators by spaces. Letters stay, so that text is not parsed as a number; `_` is
+# replaced, because float() accepts it within a number.
 _NUMBERS = bytes(byte if chr(byte).isalnum() and byte < 128 or chr(byte) in '+-.' else 32
                  for byte in range(256))
 
 
 def numbers(text: bytes) -> np.ndarray:
-    """Return the numbers of a text, whatever separates them; empty if it holds something else."""
+    """Return the numbers of a text with any separators; empty if it contains anything else."""
     try:
         values = np.array(list(map(float, text.translate(_NUMBERS).split())))
     except ValueError:
@@ -31,19 +32,19 @@ def numbers(text: bytes) -> np.ndarray:
 
 
 class LineDecoder(Decoder):
-    """Frames that end with `END`; see `protocol.Decoder`."""
+    """Decoder of text frames that end with `END`."""
 
     END = b'\n'
 
     def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint8):
         super().__init__(rows, columns, kind)
-        # A number takes at most 12 bytes, with what is around it.
+        # A number takes at most 12 bytes, including separators.
         self.buffer_bound = 12 * (rows * columns + 2) + 2 * rows + 64
 
     def _begin(self) -> None:
         super()._begin()
-        self._looked = 0  # bytes without an end
-        self._cut = True  # whether the beginning of the text is missing
+        self._looked = 0  # bytes that were searched and contain no END
+        self._cut = True  # whether the begin of the text is missing
 
     def _scan(self) -> Piece | None:
         end = self._buffer.find(self.END, self._looked)
@@ -62,7 +63,7 @@ class LineDecoder(Decoder):
         return Piece(size, good=False) if cut else self._parse(text, size)
 
     def _parse(self, text: bytes, size: int) -> Piece:
-        """Return what is in a text that is whole."""
+        """Parse the text of a complete frame."""
         raise NotImplementedError
 
 
@@ -100,7 +101,7 @@ class CsvDecoder(LineDecoder):
 
 
 class CsvDevice(Device):
-    """A microcontroller that prints."""
+    """Device of `csv_lines`: a microcontroller that prints its counts."""
 
     preamble = b'\r\n'
 
@@ -108,7 +109,7 @@ class CsvDevice(Device):
         self._tick_ns, self._checksum = tick_of(stamp), checksum
 
     def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
-        """Return a line, separated by commas."""
+        """Return a line of numbers, separated by commas."""
         values = counts.ravel().tolist()
         if self._tick_ns:
             values.insert(0, time_ns // self._tick_ns % Decoder.wrap)
@@ -118,7 +119,7 @@ class CsvDevice(Device):
 
 
 def tick_of(stamp: str) -> int:
-    """Return the unit of the device's time [ns]; 0 where it sends none."""
+    """Return the unit of the device's time [ns]; 0: the device sends no time."""
     if stamp and stamp not in TICKS:
         raise ConfigurationError(f'stamp is {stamp!r}, must be one of {", ".join(TICKS)}')
     return TICKS.get(stamp, 0)
@@ -139,11 +140,11 @@ class VitacDecoder(LineDecoder):
 
 
 class VitacDevice(Device):
-    """The ancestor of the FlexiTac's circuit."""
+    """Device of `vitac`, the predecessor of the FlexiTac circuit."""
 
     preamble = b'\r\n\r\n'
 
     def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
-        """Return the rows and an empty line."""
+        """Return the rows as lines, and an empty line."""
         rows = (''.join(f'{value} ' for value in row) for row in counts.tolist())
         return ''.join(f'{row}\r\n' for row in rows).encode() + b'\r\n'

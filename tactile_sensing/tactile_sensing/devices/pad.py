@@ -1,4 +1,4 @@
-"""Raw counts of one array to images: its calibration, its tare, what was seen lately."""
+"""Convert raw counts of one array to images, with its calibration and tare."""
 from collections import deque
 import threading
 import time
@@ -14,9 +14,9 @@ class Pad:
     """
     Convert frames to images, tare, and follow the drift of the unloaded pad; thread-safe.
 
-    A tare averages `tare_frames`. `at_start`: tare as soon as frames without load have come.
-    `track_drift`: tare again and again while nothing touches: a tactel that is off its offset by
-    more than its noise is a touch.
+    A tare averages `tare_frames` frames. With `at_start`, the pad is tared as soon as enough
+    frames without load have arrived. With `track_drift`, it is tared repeatedly while nothing
+    touches it; a tactel that differs from its offset by more than the noise counts as a touch.
     """
 
     def __init__(self, calibration: Calibration, tare_frames: int, at_start: bool = False,
@@ -29,9 +29,9 @@ class Pad:
         self._until_tare = tare_frames
         self._convert = calibration.converter()
         self.tare: Tare | None = None
-        self.refusal = 'frames are awaited' if at_start else 'not asked to'  # why there is none
-        self.saturated = 0  # tactels at full scale in the last image
-        self.impossible = False  # whether counts came that `bits` excludes
+        self.refusal = 'frames are awaited' if at_start else 'not asked to'  # why there is no tare
+        self.saturated = 0  # number of tactels at full scale in the last image
+        self.impossible = False  # whether any count was outside the range of `bits`
 
     def image(self, counts: np.ndarray, stamp_ns: int, sequence: int) -> TactileImage:
         """Return the image of raw counts (rows, columns)."""
@@ -45,28 +45,28 @@ class Pad:
             stamp_ns, sequence, (layer,), self.calibration.array, tared, self.saturated)
 
     def due(self) -> bool:
-        """Whether the last image makes a tare by itself due; says so once in `tare_frames`."""
+        """Return whether an automatic tare is due; at most once in `tare_frames` images."""
         if not (self._at_start if self.tare is None else self._track):
             return False
         self._until_tare = (self._until_tare - 1) % self._tare_frames
         return self._until_tare == 0
 
     def forget(self) -> None:
-        """Forget the frames that were seen; the tare stays."""
+        """Forget the recent frames; keep the tare."""
         with self._lock:
             self._recent.clear()
 
     def resume(self, tare: Tare) -> None:
-        """Go on with a tare."""
+        """Use a given tare from now on."""
         with self._lock:
             self.tare, self._convert = tare, self.calibration.converter(tare)
 
     def take_tare(self, anew: bool = True) -> Tare:
         """
-        Tare with the newest frames; where not `anew`, about the tare that there is.
+        Tare with the newest frames; if not `anew`, check them against the present tare.
 
-        Raises a TareRefusedError where there is a load, or there are no frames; the tare that
-        there is stays.
+        Raises a TareRefusedError if the pad is loaded or frames are missing; the present tare
+        then remains.
         """
         with self._lock:
             frames, age = list(self._recent), time.monotonic() - self._seen_at

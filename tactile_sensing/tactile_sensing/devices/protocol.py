@@ -1,4 +1,4 @@
-"""Byte protocols of sensors: bytes in, frames and events out; no input or output."""
+"""Byte protocols of sensors: convert bytes to frames and events, without input or output."""
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -14,10 +14,10 @@ class Frame:
     """One image, as raw counts."""
 
     counts: np.ndarray  # shape (rows, columns), integers, read-only
-    sequence: int  # frames before this one, with an estimate of the lost ones
-    first_byte: int  # position of its first byte among all that the decoder has received
-    end: int  # position behind its last byte
-    device_ns: int | None = None  # time of the device's own clock, without its wrapping [ns]
+    sequence: int  # number of frames before this one, including an estimate of lost ones
+    first_byte: int  # position of its first byte in the received stream
+    end: int  # position after its last byte
+    device_ns: int | None = None  # time of the device's own clock, unwrapped [ns]
 
 
 @dataclass(frozen=True)
@@ -29,33 +29,33 @@ class Reply:
 
 
 class Piece(NamedTuple):
-    """What a codec finds at the head of its buffer."""
+    """Result of parsing the head of a decoder's buffer."""
 
     size: int  # [bytes]
     counts: np.ndarray | None = None  # of a frame, shape (rows, columns)
     ticks: int | None = None  # of the device's clock, see `Decoder.tick_ns`
     reply: Reply | None = None
-    good: bool = True  # False: bytes that belong to nothing
+    good: bool = True  # False: bytes to discard
     failed: bool = False  # a checksum was wrong
 
 
 class Decoder:
     """
-    Turn received bytes into frames: base of the codecs, which say what a `Piece` is.
+    Convert received bytes to frames; base class of the decoders, which implement `_scan`.
 
-    `receive_data` only buffers and `next_event` parses; call it until it returns None. Then at
-    most `buffer_bound` bytes are held, whatever was received. Raises a ConfigurationError where a
-    size is not a positive integer, or the counts are to be of no integer type.
+    `receive_data` only buffers, `next_event` parses. Call `next_event` until it returns None;
+    then the buffer holds at most `buffer_bound` bytes, whatever was received. Raises a
+    ConfigurationError if a size is not a positive integer or `kind` is not an integer type.
 
     `frames`, `lost_frames`, `resyncs`, `dropped_bytes` and `check_errors` are counted since the
-    start; lost frames by the device's clock, or by the dropped bytes.
+    start. Lost frames are estimated from the device's clock, or from the dropped bytes.
     """
 
     buffer_bound = 0
-    announced = 0  # bytes of a frame that come with the one before
-    tick_ns, wrap = 1, 1 << 32  # of the device's clock: unit, and where it starts again
-    temperature: float | None = None  # where the device reports one [degrees Celsius]
-    locked = False  # whether the byte stream is understood at the moment
+    announced = 0  # bytes of a frame that the device sends with the frame before
+    tick_ns, wrap = 1, 1 << 32  # of the device's clock: unit [ns], and the ticks where it wraps
+    temperature: float | None = None  # if the device reports one [degrees Celsius]
+    locked = False  # whether the decoder is in sync with the byte stream
 
     def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint8):
         for name, value in (('rows', rows), ('columns', columns)):
@@ -68,26 +68,26 @@ class Decoder:
         self.dropped_bytes = self.check_errors = 0
         self._buffer = bytearray()
         self._origin = 0  # position of the buffer in the stream
-        self._device_ns, self._step = 0, 0.0  # its clock; usual ticks from frame to frame
+        self._device_ns, self._step = 0, 0.0  # device time; usual ticks from frame to frame
         self._mismatch = ''
         self._begin()
 
     @property
     def buffered(self) -> int:
-        """Bytes that are held at the moment."""
+        """Number of bytes in the buffer."""
         return len(self._buffer)
 
     def receive_data(self, data: bytes) -> None:
-        """Append what came from the port; parsing is left to `next_event`."""
+        """Append received bytes to the buffer; `next_event` parses them."""
         self._buffer += data
 
     def reset(self) -> None:
-        """Forget the buffer and the lock, as after the port was opened anew; counters stay."""
+        """Forget buffer and lock, e.g. after the port was reopened; keep the counters."""
         self._drop(len(self._buffer))
         self._begin()
 
     def next_event(self) -> Frame | Reply | None:
-        """Return the next event; None: all that was received has been seen."""
+        """Return the next event; None: more bytes are needed."""
         while (piece := self._scan()) is not None:
             if not piece.good:
                 self.locked = False
@@ -102,7 +102,7 @@ class Decoder:
         return None
 
     def explain(self) -> str:
-        """Say what is wrong with bytes that make no frame; empty if that does not show."""
+        """Return why the received bytes make no frame; empty if unknown."""
         return self._mismatch
 
     def start(self, rate: float) -> bytes:
@@ -110,21 +110,21 @@ class Decoder:
         return b''
 
     def stop(self) -> bytes:
-        """Return the command that ends the frames."""
+        """Return the command that makes the device stop sending frames."""
         return b''
 
     def _scan(self) -> Piece | None:
-        """Return what is at the head of the buffer; None: more bytes are needed."""
+        """Parse the head of the buffer; None: more bytes are needed."""
         raise NotImplementedError
 
     def _begin(self) -> None:
-        """Start as with a port that was just opened."""
-        self._gap = 0  # bytes passed over since the last frame
+        """Reset the state to that of a newly opened port."""
+        self._gap = 0  # bytes discarded since the last frame
         self._ticks: int | None = None  # of the last frame
         self.locked = False
 
     def _image(self, values: np.ndarray, size: int, ticks: int | None = None) -> Piece:
-        """Piece of a frame's values, if they are as many as tactels and fit their type."""
+        """Return the Piece of a frame; it is not good if number or range of values is wrong."""
         (rows, columns), bounds = self.shape, np.iinfo(self._kind)
         low, high = (values.min(), values.max()) if values.size else (0, 0)
         if values.size != rows * columns:
@@ -138,13 +138,13 @@ class Decoder:
         return Piece(size, good=False)
 
     def _tick(self, ticks: int) -> int | None:
-        """Follow the device's clock; returns how many frames it skipped, None: not known."""
+        """Follow the device's clock; return how many frames were skipped, None: unknown."""
         step = 0 if self._ticks is None else (ticks - self._ticks) % self.wrap
         self._ticks = ticks
-        if not 0 < step * self.tick_ns <= 10_000_000_000:  # else its clock has begun anew
+        if not 0 < step * self.tick_ns <= 10_000_000_000:  # otherwise its clock has restarted
             return None
         self._device_ns += step * self.tick_ns
-        # Fewer than four ticks a frame do not show whether one is missing.
+        # With fewer than four ticks per frame, a missing frame cannot be detected.
         missed = round(step / self._step) - 1 if self._step >= 4 else 0
         if missed <= 0:
             self._step += (step - self._step) * (0.1 if self._step else 1.0)
@@ -153,8 +153,8 @@ class Decoder:
     def _frame(self, counts: np.ndarray, piece: Piece) -> Frame:
         missed = None if piece.ticks is None else self._tick(piece.ticks)
         if self._gap:
-            # Nothing is lost before the first frame; afterwards, where no clock tells, at least
-            # the one that broke the lock.
+            # Nothing is lost before the first frame. Later, without a device clock, at least the
+            # frame that broke the lock is lost.
             if self.frames and missed is None:
                 missed = max(round(self._gap / piece.size), 1)
             self.resyncs += 1
@@ -169,7 +169,7 @@ class Decoder:
         return frame
 
     def _drop(self, count: int) -> None:
-        """Pass over bytes that belong to no frame."""
+        """Discard bytes that belong to no frame."""
         self._take(count)
         self._gap += count
         self.dropped_bytes += count
@@ -181,19 +181,19 @@ class Decoder:
 
 class PacketDecoder(Decoder):
     """
-    Packets that start with a preamble and hold their length.
+    Decoder of packets that start with a preamble and contain their length.
 
-    A packet that is incomplete while a sound one follows in the buffer is none: its length was
-    garbage, and no frame waits for it.
+    If a packet is incomplete but a valid frame follows in the buffer, its length was garbage. It
+    is discarded, so that no frame has to wait for it.
     """
 
     PREAMBLE = b''
-    HEAD = 0  # bytes up to the end of the length
+    HEAD = 0  # bytes up to the end of the length field
 
     def _scan(self) -> Piece | None:
         at = self._buffer.find(self.PREAMBLE)
         if at != 0:
-            # The last bytes may begin a preamble.
+            # The last bytes may be the begin of a preamble.
             rest = at if at > 0 else len(self._buffer) - len(self.PREAMBLE) + 1
             return Piece(rest, good=False) if rest > 0 else None
         first = None
@@ -210,37 +210,37 @@ class PacketDecoder(Decoder):
         return None
 
     def _size(self, at: int) -> int:
-        """Return the length of the packet at a place of the buffer; 0: there is none."""
+        """Return the length of the packet at a position of the buffer; 0: invalid."""
         raise NotImplementedError
 
     def _parse(self, packet: bytes) -> Piece | None:
-        """Return what a whole packet holds; None where its checksum is wrong."""
+        """Parse a complete packet; None: its checksum is wrong."""
         raise NotImplementedError
 
 
 class Device:
-    """The sensor's end of a protocol, as the mock sensor plays it; this one runs free."""
+    """The sensor side of a protocol, for the mock sensor; by default it sends without commands."""
 
     preamble = b''  # sent before the first frame
     running = True  # whether it sends frames
 
     def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
-        """Return what the device sends for counts (rows, columns) at a time of its clock [ns]."""
+        """Return the bytes of a frame of counts (rows, columns) at a device time [ns]."""
         raise NotImplementedError
 
     def answer(self, commands: bytes) -> bytes:
-        """Return what the device answers to received bytes."""
+        """Return the device's answer to received bytes."""
         return b''
 
 
 @dataclass(frozen=True)
 class SensorProtocol:
-    """One row of the table of protocols; `options` are keyword arguments of its callables."""
+    """Entry of the protocol table; `options` are keyword arguments of decoder and device."""
 
-    decoder: Callable[..., Decoder]  # of rows, columns, type of the counts
+    decoder: Callable[..., Decoder]  # takes rows, columns, type of the counts
     device: Callable[..., Device]
     baud_rate: int  # [bit/s]
-    kind: DTypeLike = np.uint8  # type of counts where nothing else is known
-    shape: tuple[int, int] | None = None  # rows and columns where only one array speaks it
+    kind: DTypeLike = np.uint8  # default type of the counts
+    shape: tuple[int, int] | None = None  # rows and columns, if the protocol has only one shape
     options: Mapping[str, Any] = field(default_factory=dict)  # name -> default
-    calibration: str = ''  # file in `config/` that a driver takes where none is given
+    calibration: str = ''  # default calibration file of the driver, in `config/`

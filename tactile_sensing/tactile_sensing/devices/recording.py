@@ -1,4 +1,4 @@
-"""Recordings of tactile frames in files, and what a sensor would have sent for them."""
+"""Recordings of tactile frames in files, and their conversion to counts of a sensor."""
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -19,7 +19,7 @@ class Recording:
     """
     Frames of one sensor, evenly spaced in time.
 
-    Raises a ConfigurationError where a shape, type or value is impossible.
+    Raises a ConfigurationError if a shape, type or value is impossible.
     """
 
     frames: np.ndarray  # in the recorder's unit, shape (N, rows, columns), N >= 1; NaN = no tactel
@@ -46,15 +46,15 @@ class Recording:
 
     @property
     def absent(self) -> list[int]:
-        """Row-major indices of the tactels that are NaN in every frame: there are none."""
+        """Row-major indices of tactels that do not exist, i.e. are NaN in every frame."""
         return np.flatnonzero(np.isnan(self.frames).all(axis=0)).tolist()
 
     def counts(self, limits: Counts = BYTES, resolution: float = 1.0) -> tuple[np.ndarray, int]:
         """
-        Return the frames as counts that a sensor of some range could have sent.
+        Convert the frames to counts of a sensor with a given range.
 
         Frames are divided by the resolution, rounded and clipped to the range; NaN becomes 0. The
-        second item is how many values were clipped by more than rounding.
+        second return value is the number of values that were clipped.
         """
         with np.errstate(invalid='ignore'):
             values = np.where(np.isnan(self.frames), 0, np.rint(self.frames / resolution))
@@ -65,11 +65,11 @@ class Recording:
 def load_recording(path: str | PathLike, rate_hz: float | None = None,
                    shape: Shape | None = None) -> Recording:
     """
-    Read an `.npz` archive with `frames` `(N, rows, columns)`, `rate_hz` and perhaps `pitch_m`.
+    Read an `.npz` archive with `frames` `(N, rows, columns)`, `rate_hz` and optional `pitch_m`.
 
-    Of an archive without a rate, an `.npy` array or a `.csv` file the rate must be given, and of
-    frames that lie flat the shape. Raises a ConfigurationError where the file cannot be read, or
-    an array in it is missing or impossible.
+    An `.npy` array, a `.csv` file or an archive without a rate needs `rate_hz` [Hz]; flat frames
+    need `shape`. Raises a ConfigurationError if the file cannot be read, or an array in it is
+    missing or impossible.
     """
     try:
         frames = read_whole(path, frame_reader(path, shape))

@@ -1,4 +1,4 @@
-"""Byte protocols that driver and mock sensor know; other packages add theirs by an entry point."""
+"""Byte protocols of driver and mock sensor; other packages add protocols by an entry point."""
 from collections.abc import Mapping
 from importlib.metadata import entry_points
 from typing import Any
@@ -9,7 +9,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices import flexitac, lines, robotiq, weiss
 from tactile_sensing.devices.protocol import SensorProtocol
 
-GROUP = 'tactile_sensing.protocols'  # of entry points: a name, and the SensorProtocol of it
+GROUP = 'tactile_sensing.protocols'  # group of entry points: name -> SensorProtocol
 OWN = {
     'flexitac': SensorProtocol(
         flexitac.FlexiTacDecoder, flexitac.FlexiTacDevice, 2_000_000,
@@ -33,14 +33,14 @@ PROTOCOLS = (*OWN, *sorted(_OTHERS.keys() - OWN.keys()))  # names
 
 
 def protocol_named(name: str) -> SensorProtocol:
-    """Return the protocol of a name; ConfigurationError where there is none."""
+    """Return a protocol by name; raise a ConfigurationError if there is none."""
     if name in OWN:
         return OWN[name]
     if name not in _OTHERS:
         raise ConfigurationError(f'protocol is {name!r}, must be one of {", ".join(PROTOCOLS)}')
     try:
         found = _OTHERS[name].load()
-    except Exception as error:  # of a package that is not ours
+    except Exception as error:  # another package may raise anything
         raise ConfigurationError(f'protocol {name} cannot be loaded: {error}') from error
     if not isinstance(found, SensorProtocol):
         raise ConfigurationError(f'protocol {name}: {_OTHERS[name].value} is no SensorProtocol')
@@ -49,10 +49,10 @@ def protocol_named(name: str) -> SensorProtocol:
 
 def options_of(name: str, given: str | Mapping[str, Any]) -> dict[str, Any]:
     """
-    Return the options of a protocol, as keyword arguments of its decoder.
+    Return the options of a protocol as keyword arguments of its decoder.
 
-    They are a mapping, or a text `name=value name=value`; ConfigurationError where one is
-    unknown or of another type.
+    `given` is a mapping or a text `name=value name=value`. Raises a ConfigurationError if an
+    option is unknown or has a wrong type.
     """
     known, values = protocol_named(name).options, {}
     if isinstance(given, str):

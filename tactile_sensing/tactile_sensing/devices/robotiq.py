@@ -1,10 +1,11 @@
 """
 Protocol of the Robotiq TSF-85: two fingers of 7x4 tactels, with inertial sensors.
 
-A packet is `9A`, a CRC-8 over all behind it, a command, the size of its data (at most 60), and
-data: a tag (kind of the values in the upper four bits, then two of the finger, two of an index)
-and its values, big-endian, tag by tag. What polynomial the CRC has is not public, and 00 stands
-for none: it is only checked where `crc` gives one. Else what is no sequence of tags is no packet.
+A packet is `9A`, a CRC-8 of everything behind it, a command, the size of its data (at most 60)
+and the data. The data is a sequence of tags, each followed by its values, big-endian. A tag has
+four bits for the kind of the values (upper), two for the finger and two for an index. The
+polynomial of the CRC is not public, and a CRC of 00 means none. It is only checked if `crc` gives
+the polynomial. In any case, data that is not a sequence of tags is no packet.
 """
 import re
 import struct
@@ -20,12 +21,12 @@ AUTOSEND = 0x58
 LARGEST = 60  # bytes of data
 SHAPE = (7, 4)
 TEMPERATURE, STATIC = 0x60, 0x10
-SIZES = {STATIC: 56, 0x20: 2, 0x30: 6, 0x40: 6, 0x50: 6, TEMPERATURE: 2}  # bytes by the tag
+SIZES = {STATIC: 56, 0x20: 2, 0x30: 6, 0x40: 6, 0x50: 6, TEMPERATURE: 2}  # bytes by kind
 AUTOSENDS = re.compile(rb'\x9a.\x58\x01(.)', re.DOTALL)  # a command, and its period
 
 
 def crc8(data: bytes, polynomial: int) -> int:
-    """Return the CRC of bytes, most significant bit first, from 0."""
+    """Return the CRC-8 of bytes, most significant bit first, with initial value 0."""
     crc = 0
     for byte in data:
         crc ^= byte
@@ -35,13 +36,13 @@ def crc8(data: bytes, polynomial: int) -> int:
 
 
 def packet(data: bytes, polynomial: int = 0) -> bytes:
-    """Return a packet of the command that makes the sensor send; without polynomial, CRC 00."""
+    """Return a packet with the command for sending; without polynomial its CRC is 00."""
     body = bytes([AUTOSEND, len(data)]) + data
     return bytes([START, crc8(body, polynomial) if polynomial else 0]) + body
 
 
 class TsfDecoder(PacketDecoder):
-    """Decoder of one `finger`; `crc`: the polynomial in hexadecimal digits."""
+    """Decoder of one `finger` (0 or 1); `crc`: the polynomial in hexadecimal digits."""
 
     PREAMBLE, HEAD = bytes([START]), 4
     buffer_bound = 4 + LARGEST
@@ -58,7 +59,7 @@ class TsfDecoder(PacketDecoder):
         return packet(bytes([min(max(round(1e3 / rate), 1), 255)]))
 
     def stop(self) -> bytes:
-        """Return the command that ends the frames."""
+        """Return the command that makes the device stop sending frames."""
         return packet(b'\0')
 
     def _size(self, at: int) -> int:
@@ -85,22 +86,22 @@ class TsfDecoder(PacketDecoder):
 
 
 class TsfDevice(Device):
-    """A finger that sends once it was asked to."""
+    """A finger that sends frames after a start command."""
 
     def __init__(self, finger: int = 0, crc: str = ''):
         self.running, self._finger, self._polynomial = False, finger, int(crc or '0', 16)
         self._commands = b''
 
     def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
-        """Return the packets of both fingers: the other one is not touched."""
+        """Return the packets of both fingers; the other finger is unloaded."""
         other = bytes([STATIC | (1 - self._finger) << 2]) + bytes(56)
         own = bytes([STATIC | self._finger << 2]) + counts.astype('>u2').tobytes()
         return packet(own, self._polynomial) + packet(other, self._polynomial)
 
     def answer(self, commands: bytes) -> bytes:
-        """Follow the commands; none of them is answered."""
+        """Execute the commands; the sensor sends no answers."""
         self._commands += commands
         for period in re.findall(AUTOSENDS, self._commands):
             self.running = period > b'\0'
-        self._commands = self._commands[-4:]  # the beginning of a command
+        self._commands = self._commands[-4:]  # possibly the begin of a command
         return b''

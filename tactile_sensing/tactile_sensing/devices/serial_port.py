@@ -1,4 +1,4 @@
-"""Serial port of a sensor: finding it, opening it for low latency, reading what is there."""
+"""Serial port of a sensor: find it, open it for low latency, read available bytes."""
 import errno
 import os
 import re
@@ -16,10 +16,10 @@ _USB = re.compile(r'usb:([0-9a-f]{4}):([0-9a-f]{4})(?::(.+))?', re.IGNORECASE)
 
 def device_path(port: str) -> str:
     """
-    Return the path of a port: what is given, or that of `usb:VENDOR:PRODUCT[:SERIAL NUMBER]`.
+    Return the path of a port, given as a path or as `usb:VENDOR:PRODUCT[:SERIAL NUMBER]`.
 
-    Vendor and product have four hexadecimal digits. Raises an OSError where no device or several
-    ones are of that kind.
+    Vendor and product have four hexadecimal digits. Raises an OSError unless exactly one device
+    matches.
     """
     usb = _USB.fullmatch(port)
     if not usb:
@@ -42,12 +42,12 @@ def _refusal(error: Exception, path: str) -> str:
 
 class SensorPort:
     """
-    An open serial port, 8N1.
+    An open serial port, 8N1, for exclusive use.
 
-    The port is a device, a link to one, or see `device_path`; baud the line speed [bit/s]. Nobody
-    else can open it meanwhile. Raises an OSError where the port is absent, in use or gone; `read`
-    and `write` as well. `caught_up_at` is when fewer bytes than `frame_size` were waiting last,
-    by `time.monotonic()` [s]: what is read came after that.
+    `port` is the path of a device, a link to it, or the form of `device_path`; `baud` is the line
+    speed [bit/s]. The constructor, `read` and `write` raise an OSError if the port is absent, in
+    use or lost. `caught_up_at` is the last `time.monotonic()` [s] at which fewer than
+    `frame_size` bytes were waiting: bytes that are read now arrived later.
     """
 
     def __init__(self, port: str, baud: int, frame_size: int = 1):
@@ -57,16 +57,16 @@ class SensorPort:
         try:
             self._serial = serial.Serial(
                 self._path, baud, timeout=0.02, write_timeout=1.0, exclusive=True)
-        except (OSError, termios.error, ValueError) as error:  # the last one: impossible baud
+        except (OSError, termios.error, ValueError) as error:  # ValueError: impossible baud
             raise OSError(f'{self._path} {_refusal(error, self._path)}') from error
         try:
-            # USB adapters hold bytes back for up to 16 ms otherwise.
+            # Otherwise USB adapters delay bytes by up to 16 ms.
             self._serial.set_low_latency_mode(True)
         except (AttributeError, ValueError):  # other systems; pseudo-terminals and other drivers
             pass
 
     def read(self) -> bytes:
-        """Return what has arrived, 64 kB at most, waiting up to 20 ms for a first byte."""
+        """Return the bytes that have arrived, at most 64 kB; wait up to 20 ms for the first."""
         waiting = self._serial.in_waiting
         if waiting < self._frame_size:
             self.caught_up_at = time.monotonic()
@@ -81,5 +81,5 @@ class SensorPort:
             self._serial.write(data)
 
     def close(self) -> None:
-        """Let others have it."""
+        """Close the port, so that other programs can open it."""
         self._serial.close()

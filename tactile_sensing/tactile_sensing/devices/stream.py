@@ -1,4 +1,4 @@
-"""A sensor on a serial port that may come and go: frames with their times, without a thread."""
+"""Read frames with stamps from a serial port that may disappear and return; without a thread."""
 from collections.abc import Callable, Mapping
 import logging
 import threading
@@ -13,24 +13,24 @@ from tactile_sensing.devices.frame_clock import FrameClock, SensorImage
 from tactile_sensing.devices.registry import options_of, protocol_named
 from tactile_sensing.devices.serial_port import SensorPort
 
-BACK_OFF = 0.02, 0.5  # s from one attempt to open the port to the next: at first, at most
-ASK_AGAIN = 2.0  # s without a frame after which a device is asked to send again: it has restarted
-SILENCE = 1.0  # s without a byte or a frame that is reported
-PATIENCE = 5.0  # s for the first image
+BACK_OFF = 0.02, 0.5  # first and largest time between attempts to open the port [s]
+ASK_AGAIN = 2.0  # repeat the start command after this time without a frame: device restarted? [s]
+SILENCE = 1.0  # time without a byte or a frame after which this is reported [s]
+PATIENCE = 5.0  # longest wait for the first image [s]
 
 
 class SensorSilentError(TactileError):
-    """The port is open and no image comes; the message says what does come."""
+    """The port is open but no image arrives; the message says why."""
 
 
 class SensorStream:
     """
-    Open the port of a sensor, start it and read it; open it again whenever it is lost.
+    Open the port of a sensor, start the sensor and read it; reopen the port whenever it is lost.
 
-    Iterate its images until it is closed, or `read` what has come; it is a context manager as
-    well. See `open_sensor`; a rate or baud of 0 and a kind of None are the protocol's. `now_ns`
-    is the clock of the stamps; `tell` takes a line whenever the port has come or gone, and whether
-    it has gone.
+    Iterate over its images until it is closed, or call `read`; it is also a context manager. For
+    the arguments see `open_sensor`. A rate or baud of 0 and a kind of None mean the values of the
+    protocol. `now_ns` is the clock of the stamps. `tell(text, gone)` is called whenever the port
+    is opened or lost.
     """
 
     def __init__(self, port: str, protocol: str, shape: tuple[int, int], *,
@@ -45,14 +45,14 @@ class SensorStream:
         self.frames = FrameClock(self.decoder, rate)
         self.port, self._frame_size = port, shape[0] * shape[1] * kind.itemsize
         self._baud, self._now_ns, self._tell = baud or row.baud_rate, now_ns, tell
-        self.fault = f'{port} is not open yet'  # why; empty where it is
+        self.fault = f'{port} is not open yet'  # empty if it is open
         self.connections = 0  # how often the port was opened
-        self.skipped = 0  # frames that were passed over as newer ones were there
+        self.skipped = 0  # frames that were discarded because newer ones had arrived
         self.last_byte_at = self.last_frame_at = self._asked_at = time.monotonic()
         self._back_off, self._news = BACK_OFF[0], False
         self._line: SensorPort | None = None
         self._last = b''
-        self._images: list[SensorImage] = []  # that iteration has not given, the oldest one last
+        self._images: list[SensorImage] = []  # not yet returned by iteration, the oldest last
         self.closed = threading.Event()
 
     def __enter__(self) -> 'SensorStream':
@@ -75,13 +75,13 @@ class SensorStream:
         return self._images.pop()
 
     def forget(self) -> None:
-        """Drop what waits: the next image is a new one."""
+        """Discard waiting images, so that the next image is a new one."""
         self._images = []
         for _ in range(2):
             self.read()
 
     def connect(self) -> None:
-        """Open the port and start the sensor; raises an OSError where that fails."""
+        """Open the port and start the sensor; raise an OSError if that fails."""
         self._line = SensorPort(self.port, self._baud, self._frame_size)
         try:
             self._line.write(self._start)
@@ -95,7 +95,7 @@ class SensorStream:
         self._tell(f'reading {self.port}', False)
 
     def read(self) -> list[SensorImage]:
-        """Return the images that have come, soon; without a port none, and after a while."""
+        """Return the new images; without a port, wait, try to open it and return none."""
         if self._line is None:
             self._wait()
             return []
@@ -116,13 +116,13 @@ class SensorStream:
         if not frames:
             return []
         self.last_frame_at = now
-        # Only the last .1 s of a read: a reader that is too slow gets the latest.
+        # Only the last 0.1 s of a read, so that a slow reader gets the latest images.
         recent = [item for item in frames if frames[-1].stamp_ns - item.stamp_ns < 100_000_000]
         self.skipped += len(frames) - len(recent)
         return recent
 
     def trouble(self) -> str:
-        """Return why no frames come; empty where they do."""
+        """Return why no frames arrive; empty if they do."""
         now = time.monotonic()
         if self.fault:
             return self.fault
@@ -137,7 +137,7 @@ class SensorStream:
         return f'bytes arrive on {self.port}, but no frame of {rows}x{columns}: {reason}'
 
     def counters(self) -> dict[str, Any]:
-        """Return what is reported: numbers since the start, and what is the case."""
+        """Return the values for diagnostics: counters since the start, and the present state."""
         decoder, frames = self.decoder, self.frames
         found = {name: getattr(decoder, name) for name in (
             'frames', 'lost_frames', 'resyncs', 'dropped_bytes', 'check_errors', 'locked')}
@@ -149,13 +149,13 @@ class SensorStream:
         return found
 
     def close(self) -> None:
-        """Stop the sensor and close the port; no image comes any more."""
+        """Stop the sensor and close the port; iteration then ends."""
         self.closed.set()
         self._images = []
         if self._line is not None:
             try:
                 self._line.write(self.decoder.stop())
-            except OSError:  # it is gone
+            except OSError:  # the port is lost
                 pass
         self._release()
 
@@ -165,10 +165,10 @@ class SensorStream:
         self._line = None
 
     def _wait(self) -> None:
-        """Wait for the next attempt, and make it."""
+        """Wait for the time of the next attempt, then try to open the port."""
         if self.closed.wait(self._back_off):
             return
-        if self._news:  # not at once: what ends together with its sensor warns of nothing
+        if self._news:  # only now: no warning if the program ends together with the sensor
             self._news = False
             self._tell(self.fault, True)
         self._back_off = min(2.0 * self._back_off, BACK_OFF[1])
@@ -181,10 +181,9 @@ class SensorStream:
 def open_sensor(port: str, protocol: str = 'csv_lines', rows: int = 16, columns: int = 16,
                 rate: float = 200.0, **options: Any) -> SensorStream:
     """
-    Open a tactile array: iterate its images; it is a context manager as well.
+    Open a tactile array and return a stream to iterate over; it is also a context manager.
 
-    A port that is lost is opened again as soon as it is back; a line of the log
-    `tactile_sensing` says so.
+    A lost port is reopened as soon as it returns; both events are logged to `tactile_sensing`.
 
     Parameters
     ----------
@@ -193,16 +192,16 @@ def open_sensor(port: str, protocol: str = 'csv_lines', rows: int = 16, columns:
     protocol : str
     rows, columns : int
     rate : float
-        Images a second [Hz], about; no more than six times as many are given.
+        Approximate image rate [Hz]; at most six times this rate is returned.
     options
-        `baud` [bit/s], `kind`, the type of the counts, and the protocol's own.
+        `baud` [bit/s]; `kind`, the type of the counts; and the options of the protocol.
 
     Raises
     ------
     OSError
-        The port is not there or in use.
+        If the port does not exist or is in use.
     ConfigurationError
-        Protocol, size or an option is wrong.
+        If protocol, size or an option is wrong.
     """
     log = logging.getLogger('tactile_sensing')
     stream = SensorStream(

@@ -1,4 +1,4 @@
-"""Image of the unloaded pad, and what is none."""
+"""Tare: the image of the unloaded pad, and the checks of its frames."""
 from dataclasses import dataclass
 import os
 
@@ -9,12 +9,12 @@ from tactile_common.npz_stream import read_arrays, scalar, write_arrays
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.unloaded import unloaded_statistics
 
-# Fewer frames tell neither the noise nor whether the image is steady.
+# With fewer frames, neither the noise nor steadiness can be determined.
 MIN_TARE_FRAMES = 20
 
 
 class TareRefusedError(TactileError):
-    """The frames are no image of the unloaded pad; the message says why."""
+    """The frames do not show an unloaded pad; the message says why."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,21 +23,25 @@ class Tare:
 
     offset: np.ndarray  # mean counts, shape (rows, columns), float32
     noise: np.ndarray  # standard deviation of every tactel [counts], float32
-    live: np.ndarray  # tactels that are used, bool
+    live: np.ndarray  # whether a tactel is used, bool
 
     @property
     def noise_std(self) -> float:
-        """Standard deviation of one tactel, in the mean of all that are used [counts]."""
+        """RMS noise of the used tactels [counts]."""
         return float(np.sqrt(np.mean(np.square(self.noise[self.live]))))
 
 
 def save_tare(tare: Tare, at_ns: int, path: str | os.PathLike) -> None:
-    """Write a tare and when it was taken; `load_tare` reads it."""
+    """Write a tare and its time [ns] to a file for `load_tare`."""
     write_arrays(path, at_ns=at_ns, offset=tare.offset, noise=tare.noise, live=tare.live)
 
 
 def load_tare(path: str | os.PathLike, live: np.ndarray) -> tuple[Tare, int]:
-    """Read a tare of an array (rows, columns) of live tactels, and when it was taken [ns]."""
+    """
+    Read a tare and its time [ns].
+
+    Raises a ConfigurationError if its shape or live tactels differ from `live` (rows, columns).
+    """
     held = read_arrays(path, ('at_ns', 'offset', 'noise', 'live'))
     tare = Tare(*(held[name].astype(kind) for name, kind in (
         ('offset', np.float32), ('noise', np.float32), ('live', bool))))
@@ -45,7 +49,7 @@ def load_tare(path: str | os.PathLike, live: np.ndarray) -> tuple[Tare, int]:
             == live.shape and np.isfinite([tare.offset, tare.noise]).all()):
         raise ConfigurationError(f'{path}: is no tare of this array')
     scalar('at_ns', held['at_ns'])
-    return tare, int(held['at_ns'].item())  # a float would round it
+    return tare, int(held['at_ns'].item())  # an integer, because a float would round it
 
 
 def tare_of(frames: np.ndarray, counts: Counts, baseline: np.ndarray, live: np.ndarray,
@@ -53,9 +57,9 @@ def tare_of(frames: np.ndarray, counts: Counts, baseline: np.ndarray, live: np.n
     """
     Average frames of the unloaded pad, (n, rows, columns) [counts].
 
-    No live tactel may be off the baseline (rows, columns) by more than the tolerance [counts].
-    Raises a TareRefusedError where there are too few frames, no number or a load of a live
-    tactel, or where they change.
+    A live tactel may differ from the baseline (rows, columns) by the tolerance [counts]. Raises a
+    TareRefusedError if there are too few frames, if a live tactel sends no number or is loaded,
+    or if the frames are not steady.
     """
     if len(frames) < MIN_TARE_FRAMES:
         raise TareRefusedError(f'{len(frames)} frames, at least {MIN_TARE_FRAMES} are needed')
@@ -65,9 +69,9 @@ def tare_of(frames: np.ndarray, counts: Counts, baseline: np.ndarray, live: np.n
         raise TareRefusedError(f'{np.count_nonzero(~told)} tactels send no number, the first one '
                                f'is row {row} column {column}: see dead_tactels')
     offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
-    # From frame to frame, and by the median, so that a load that comes is no noise.
+    # Median change from frame to frame: a load that begins does not count as noise.
     steps = np.abs(np.diff(frames[:, live].astype(np.float64), axis=0))
-    # A mean may be off by five standard deviations by chance.
+    # By chance, a mean may differ by up to five standard deviations.
     chance = 5.0 * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))
     deviation, allowed = np.where(live, offset - baseline, 0.0), tolerance + chance
     worst = np.unravel_index(np.abs(deviation).argmax(), deviation.shape)

@@ -2,9 +2,10 @@
 Protocols of Weiss Robotics: `weiss_wts`, and `weiss_dsa` of the DSACON32m controller.
 
 A packet is `AA AA AA`, its id, the size of its payload (u16), the payload and a CRC. WTS: the CRC
-is over all before it. DSA: it is over id, size and payload, and absent where there is no payload.
-Frames have id 00: time [ms] (u32), flags (bit 0: run-length coded), cells (u16; run-length coded:
-how often in the upper four bits, the value in the lower twelve). All numbers are little-endian.
+covers everything before it. DSA: it covers id, size and payload, and is absent without payload.
+Frames have id 00: time [ms] (u32), flags (bit 0: run-length coded), cells (u16; if run-length
+coded, the count in the upper four bits and the value in the lower twelve). All numbers are
+little-endian.
 """
 from functools import partial
 import struct
@@ -22,7 +23,7 @@ START, STOP, TARE, THRESHOLD = 0x21, 0x22, 0x23, 0x34
 HEAD = len(PREAMBLE) + 3
 RUN_LENGTH, ACQUIRE = 0x01, 0x80  # flags
 LONGEST_RUN, HIGHEST = 15, 4095
-NO_COMMAND = 4  # status of a command that is not known; 0 is success
+NO_COMMAND = 4  # status of an unknown command; 0 is success
 
 
 def _row(value: int) -> int:
@@ -35,7 +36,7 @@ _TABLE = [_row(byte << 8) for byte in range(256)]
 
 
 def crc16(data: bytes) -> int:
-    """Return the CRC of the protocol: the table of 0x1021, shifted to the right."""
+    """Return the CRC of the protocol: table of the polynomial 0x1021, but shifted to the right."""
     crc = 0xFFFF
     for byte in data:
         crc = crc >> 8 ^ _TABLE[(crc ^ byte) & 0xFF]
@@ -43,7 +44,7 @@ def crc16(data: bytes) -> int:
 
 
 def packet(command: int, payload: bytes = b'', dsa: bool = False) -> bytes:
-    """Return a packet of either protocol."""
+    """Return a packet of WTS or DSA."""
     body = struct.pack('<BH', command, len(payload)) + payload
     if dsa and not payload:
         return PREAMBLE + body
@@ -52,11 +53,12 @@ def packet(command: int, payload: bytes = b'', dsa: bool = False) -> bytes:
 
 class WeissDecoder(PacketDecoder):
     """
-    Decoder of both, see `protocol.Decoder`.
+    Decoder of `weiss_wts` and `weiss_dsa`.
 
-    A frame may hold several matrices: `cells` are all of them (0: rows * columns), of which the
-    image begins at `first`. What the device answers to commands comes as `Reply`. The other
-    options are of the start: run-length coding, the payload of a tare, a threshold.
+    A frame may contain several matrices: `cells` is the number of all their cells (0: that of the
+    image), and the image begins at cell `first`. Answers of the device to commands are returned
+    as `Reply`. The other options are for the start command: run-length coding, the payload of a
+    tare, a threshold.
     """
 
     PREAMBLE, HEAD = PREAMBLE, HEAD
@@ -72,11 +74,11 @@ class WeissDecoder(PacketDecoder):
         if not 0 <= first <= self._cells - size:
             raise ConfigurationError(
                 f'first is {first}, must be from 0 to {self._cells - size} of {self._cells} cells')
-        self._most = max(5 + 2 * self._cells, 256)  # bytes of payload, of a frame or a reply
+        self._most = max(5 + 2 * self._cells, 256)  # largest payload of a frame or reply [bytes]
         self.buffer_bound = HEAD + self._most + 2
 
     def start(self, rate: float) -> bytes:
-        """Return the commands that start frames at a rate [Hz], after those asked for."""
+        """Return the commands for tare and threshold, if requested, and for frames [Hz]."""
         if self._dsa:
             return packet(
                 DSA_CONFIGURE, struct.pack('<BH', ACQUIRE | self._rle, round(rate)), dsa=True)
@@ -87,7 +89,7 @@ class WeissDecoder(PacketDecoder):
         return setup + packet(START, struct.pack('<BH', self._rle, period))
 
     def stop(self) -> bytes:
-        """Return the command that ends the frames."""
+        """Return the command that makes the device stop sending frames."""
         if self._dsa:
             return packet(DSA_CONFIGURE, struct.pack('<BH', 0, 0), dsa=True)
         return packet(STOP)
@@ -127,7 +129,7 @@ class WeissDecoder(PacketDecoder):
 
 
 class WeissDevice(Device):
-    """A sensor that sends once it was asked to, and answers every command."""
+    """A sensor that sends frames after a start command, and answers every command."""
 
     def __init__(self, dsa: bool = False, first: int = 0, cells: int = 0,
                  **_: Any):
@@ -136,7 +138,7 @@ class WeissDevice(Device):
         self._commands = WeissDecoder(1, 1, dsa=dsa)
 
     def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
-        """Return a frame; cells of other matrices are 0."""
+        """Return a frame; the cells of other matrices are 0."""
         cells = np.zeros(max(self._cells, self._first + counts.size), np.uint16)
         cells[self._first:self._first + counts.size] = counts.ravel()
         if self._flags & RUN_LENGTH:
@@ -145,7 +147,7 @@ class WeissDevice(Device):
         return packet(FRAME, head + cells.astype('<u2').tobytes(), self._dsa)
 
     def answer(self, commands: bytes) -> bytes:
-        """Return the status of every command that has come."""
+        """Return the status of every received command."""
         self._commands.receive_data(commands)
         answer = b''
         while isinstance(event := self._commands.next_event(), Reply):
@@ -162,7 +164,7 @@ class WeissDevice(Device):
 
 
 def run_lengths(cells: np.ndarray) -> np.ndarray:
-    """Return cells below 4096 as words of how often (four bits) and value (twelve)."""
+    """Return cells below 4096 as run-length words: count (four bits) and value (twelve bits)."""
     starts = np.flatnonzero(np.diff(cells, prepend=-1))
     words = []
     for value, count in zip(cells[starts].tolist(), np.diff(starts, append=cells.size).tolist(),

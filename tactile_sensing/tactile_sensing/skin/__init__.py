@@ -1,1 +1,1 @@
-"""Pressure within a layer of skin on a rigid backing, below point and line loads."""
+"""Pressure in a layer of skin on a rigid backing, under point and line loads."""

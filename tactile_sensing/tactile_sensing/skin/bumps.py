@@ -1,12 +1,12 @@
 """
-What a load looks like on an array, and how that changes with the load; compiled.
+Image of a load on an array, and its derivatives by the parameters of the load; compiled.
 
-A *bump* is the pressure P f(s) + (Q . offset) g(s), s the squared distance from a point or from
-a line. On a skin that is known, f and g are the polynomials of `skin.kernel`, and the one
-unknown of their shape is the variance of the load's patch. On a skin that is not known they are
-f = (1 + s / w^2)^-n (line: n - 1/2) and g = f / w, exact for a half-space (w the depth, n 5/2),
-with the half width at half height and the exponent n as unknowns: they stand for depth, bone,
-bluntness and the area of tactels alike.
+A *bump* is the pressure P f(s) + (Q . offset) g(s), where s is the squared distance from a point
+or a line. On a known skin, f and g are the polynomials of `skin.kernel`; the only unknown of
+their shape is the variance of the load's patch. On an unknown skin, f = (1 + s / w^2)^-n (line:
+n - 1/2) and g = f / w. This is exact for a half-space, with w the depth and n = 5/2. The half
+width at half height and the exponent n are then unknowns. They cover depth, bone, bluntness and
+the area of the tactels together.
 """
 
 import math
@@ -18,35 +18,37 @@ from tactile_common.kernels import FAST, njit
 from tactile_sensing.skin.kernel import CENTRE, DEGREE
 
 POINT, LINE = 1, 2
-# Parameters of a load. Q0, Q1: x, y of a point [m]; rho [m], yaw [rad] of a line. BEGIN, END: of
-# a line, along it from the foot of the origin [m]. WIDTH: variance of the patch [depths^2], or
-# log of the half width [m]; EXPONENT: log n. FORCE, SHEAR_U, SHEAR_V: N, or N/m of a line, whose
-# shear is across it. BASE: baseline of the first layer, those of the others follow.
+# Parameters of a load. Q0, Q1: x, y of a point [m]; rho [m], yaw [rad] of a line. BEGIN, END:
+# ends of a line, along it from the foot of the origin [m]. WIDTH: variance of the patch
+# [depths^2] on a known skin, else log of the half width [m]. EXPONENT: log n. FORCE, SHEAR_U,
+# SHEAR_V: [N] of a point, [N/m] of a line; SHEAR_U of a line is the shear across it. BASE:
+# baseline of the first layer; those of the other layers follow.
 Q0, Q1, BEGIN, END, WIDTH, EXPONENT, FORCE, SHEAR_U, SHEAR_V, BASE = range(10)
-BEYOND = 8.0  # depths beyond the pad from where nothing of a line is seen
+BEYOND = 8.0  # a line is invisible from this distance outside the pad [depths]
 LOG2 = math.log(2.0)
 
 
 class Pad(NamedTuple):
-    """Tactels and skin."""
+    """Tactels and skin of a sensor."""
 
     x: np.ndarray  # centres of the columns [m]
     y: np.ndarray  # centres of the rows [m]
-    half_x: float  # half of the extent, outer borders of the tactels included [m]
-    half_y: float
-    pitch: float  # geometric mean [m]
-    nodes: np.ndarray  # (N, 3): offsets from a tactel's centre [m], weight
-    depths: np.ndarray  # (layers,) [m]; 0: the skin is not known
-    levers: np.ndarray  # (layers, 3): the component as (gz + gx x' + gy y') times the pressure
-    polynomials: np.ndarray  # (layers, *those of `skin.kernel.polynomials`), empty if not known
+    half_x: float  # half of the extent along x, outer borders of the tactels included [m]
+    half_y: float  # the same along y [m]
+    pitch: float  # geometric mean of both pitches [m]
+    nodes: np.ndarray  # (N, 3): quadrature over a tactel: offset from its centre [m], weight
+    depths: np.ndarray  # (layers,) [m]; 0: unknown skin
+    levers: np.ndarray  # (layers, 3): component = (gz + gx x' + gy y') times the pressure
+    polynomials: np.ndarray  # (layers, *shape of `skin.kernel.polynomials`); empty: unknown skin
 
 
 @njit(cache=True, error_model='numpy')
 def loaded_chord(pad: Pad, theta: np.ndarray, ends: bool) -> tuple[float, float, np.ndarray]:
     """
-    Part of a line that is on the pad, along it from the foot of the origin.
+    Compute the loaded part of a line on the pad.
 
-    Returns from where to where [m], and what its length changes by Q0, Q1, BEGIN and END, (4,).
+    Returns its begin and end along the line from the foot of the origin [m], and the derivatives
+    of its length by Q0, Q1, BEGIN and END, shape (4,).
     """
     first, last = chord(pad, theta[Q0], theta[Q1])
     change, step = np.zeros(4), 1e-6
@@ -66,15 +68,16 @@ def loaded_chord(pad: Pad, theta: np.ndarray, ends: bool) -> tuple[float, float,
     return first, last, change
 
 
-# Rows of the scratch of one node: distances from the load, along a line, squared; f and g, their
-# derivatives by s, by WIDTH (log w), by n; a variable; derivatives by BEGIN and END; scratch.
+# Rows of the work array of one node: U, V distances from the load; ALONG the line; S squared
+# distance; f and g, their derivatives by s, by WIDTH (log w), by n; T; derivatives by BEGIN and
+# END; temporary values.
 U, V, ALONG, S, F, G, FS, GS, FW, GW, FN, GN, T, F0, G0, F1, G1 = range(17)
 FIRST, LAST, AT_FIRST, AT_LAST, POWER, SCRATCH = 17, 18, 19, 20, 21, 22
 
 
 @njit(error_model='numpy', fastmath=FAST)
 def _power_bumps(part: np.ndarray, w: float, n: float) -> None:
-    """Fill F to GN of a bump (1 + s / w^2)^-n."""
+    """Fill rows F to GN for the bump (1 + s / w^2)^-n."""
     inverse = 1.0 / (w * w)
     for i in range(part.shape[1]):
         q = 1.0 / (1.0 + part[S, i] * inverse)
@@ -90,7 +93,7 @@ def _power_bumps(part: np.ndarray, w: float, n: float) -> None:
 @njit(error_model='numpy', fastmath=FAST)
 def _skin_bumps(part: np.ndarray, shape: np.ndarray, slope: np.ndarray, centre: float,
                 wide: bool) -> None:
-    """Fill F to GW of a bump on a skin; by the variance of the patch only if wide."""
+    """Fill rows F to GW for a bump on a known skin; FW and GW only if `wide`."""
     size = part.shape[1]
     part[F:FN] = 0.0
     t = part[T]
@@ -116,7 +119,7 @@ def _skin_bumps(part: np.ndarray, shape: np.ndarray, slope: np.ndarray, centre: 
 
 @njit(error_model='numpy', fastmath=FAST)
 def _value(shape: np.ndarray, centre: float, s: float) -> tuple[float, float]:
-    """Values f and g alone."""
+    """Return f and g at a squared distance s, without derivatives."""
     t = centre / (s + centre)
     f = g = 0.0
     for j in range(DEGREE + 1):
@@ -127,7 +130,11 @@ def _value(shape: np.ndarray, centre: float, s: float) -> tuple[float, float]:
 
 @njit(error_model='numpy', fastmath=FAST)
 def _power_part(q: float, u: float) -> tuple[float, float, float]:
-    """Share of a line of n = 5/2 up to u, derivatives by q = 1 + v^2 and by u; all over w."""
+    """
+    Return the share of a line (n = 5/2) up to u, and its derivatives by q = 1 + v^2 and by u.
+
+    u and v are in units of w.
+    """
     r = q + u * u
     root = math.sqrt(r)
     r25 = r * r * root
@@ -138,7 +145,7 @@ def _power_part(q: float, u: float) -> tuple[float, float, float]:
 @njit(cache=True, error_model='numpy')
 def shape_of(polynomials: np.ndarray, depth: float, row: int, yaw: float, relative: float,
              shape: np.ndarray, slope: np.ndarray) -> None:
-    """Polynomials of f and g, highest power first, and by the patch's variance [depths^2]."""
+    """Write the polynomials of f and g, highest power first, and their slope by `relative`."""
     turned = math.cos(4.0 * yaw) if row == 1 else 0.0
     scale = 1.0 / depth if row == 1 else 1.0 / (depth * depth)
     for part in range(2):
@@ -158,7 +165,7 @@ def shape_of(polynomials: np.ndarray, depth: float, row: int, yaw: float, relati
 
 @njit(cache=True, error_model='numpy')
 def chord(pad: Pad, rho: float, yaw: float) -> tuple[float, float]:
-    """Where a line enters and leaves the pad, along it from the foot of the origin [m]."""
+    """Return where a line enters and leaves the pad, along it from the foot of the origin [m]."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     first, last = -np.inf, np.inf
     for place, slope, half in ((rho * cos, -sin, pad.half_x), (rho * sin, cos, pad.half_y)):
@@ -172,7 +179,7 @@ def chord(pad: Pad, rho: float, yaw: float) -> tuple[float, float]:
 
 @njit(error_model='numpy', fastmath=FAST)
 def _end_power(part: np.ndarray, w: float, begin: float, end: float) -> None:
-    """Give power bumps of a line a begin and an end."""
+    """Limit the power bumps of a line to the part from begin to end."""
     for i in range(part.shape[1]):
         q = 1.0 + part[S, i] / (w * w)
         a, b = (begin - part[ALONG, i]) / w, (end - part[ALONG, i]) / w
@@ -196,10 +203,10 @@ def _end_power(part: np.ndarray, w: float, begin: float, end: float) -> None:
 def _end_skin(part: np.ndarray, tip: np.ndarray, tip_slope: np.ndarray, centre: float,
               begin: float, end: float) -> None:
     """
-    Fill F to GW, and F0 to G1, of a line on a skin from begin to end.
+    Fill rows F to GW and F0 to G1 for a line from begin to end on a known skin.
 
-    Integrals of a point's bump along the line: those of the powers of
-    t = c^2 / (u^2 + w^2 + c^2) follow from each other, by parts.
+    They are integrals of a point's bump along the line. Integration by parts gives a recursion
+    over the powers of t = c^2 / (u^2 + w^2 + c^2).
     """
     part[F:] = 0.0
     for i in range(part.shape[1]):
@@ -241,7 +248,7 @@ def _end_skin(part: np.ndarray, tip: np.ndarray, tip_slope: np.ndarray, centre: 
 def _accumulate(part: np.ndarray, line: bool, ends: bool, lever: np.ndarray, turned: float,
                 node: float, theta: np.ndarray, turn: float, n: float, by: np.ndarray,
                 model: np.ndarray) -> None:
-    """Add a node's share to the picture and its derivatives."""
+    """Add the contribution of a quadrature node to the image and its derivatives."""
     force, shear_u, shear_v = theta[FORCE], theta[SHEAR_U], theta[SHEAR_V]
     rho, gz, gx, gy = theta[Q0], lever[0], lever[1], lever[2]
     for i in range(part.shape[1]):
@@ -283,23 +290,23 @@ def _accumulate(part: np.ndarray, line: bool, ends: bool, lever: np.ndarray, tur
 def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: Pad,
              theta: np.ndarray, by: np.ndarray, model: np.ndarray) -> None:
     """
-    Picture of a load and its derivatives.
+    Compute the image of a load and its derivatives.
 
     Parameters
     ----------
     kind : int
         POINT or LINE.
     power, ends, wide : bool
-        Whether the skin is not known; whether a line has a beginning and an end; whether the
-        derivative by the patch is wanted.
+        Whether the skin is unknown; whether a line has ends; whether the derivative by the
+        variance of the patch is needed.
     coarse : bool
-        Whether a tactel samples its centre, for broad bumps of any skin and for first steps.
+        Whether to sample a tactel at its centre only, for broad bumps and for first steps.
     pad : Pad
     theta : ndarray, shape (parameters,)
     by : ndarray, shape (parameters, layers * rows * columns)
-        Written: derivatives by every parameter.
+        Output: derivatives by every parameter.
     model : ndarray, shape (layers * rows * columns,)
-        Written: the picture, without the baselines.
+        Output: the image, without the baselines.
     """
     rows, columns = pad.y.size, pad.x.size
     size = rows * columns
@@ -316,14 +323,14 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
         n = math.exp(theta[EXPONENT])
         two = 2.0 ** (1.0 / n)
         w = math.exp(theta[WIDTH]) / math.sqrt(two - 1.0)
-        turn = 0.5 * two * LOG2 / (n * (two - 1.0))  # of log w by log n
+        turn = 0.5 * two * LOG2 / (n * (two - 1.0))  # d(log w) / d(log n)
     for k in range(pad.depths.size):
         depth = pad.depths[k]
         centre, reach = (CENTRE * depth) ** 2, BEYOND * depth + math.hypot(
             pad.half_x, pad.half_y)
         begin, end = max(theta[BEGIN], -reach), min(theta[END], reach)
         if not power:
-            ratio = (pad.depths[0] / depth) ** 2  # the patch is one, of all layers
+            ratio = (pad.depths[0] / depth) ** 2  # all layers have the same patch
             shape_of(pad.polynomials[k], depth, kind - 1, theta[Q1], ratio * theta[WIDTH], shape,
                      slope)
             slope *= ratio
@@ -331,7 +338,7 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
                 shape_of(pad.polynomials[k], depth, 0, 0.0, ratio * theta[WIDTH], tip, tip_slope)
                 tip_slope *= ratio
         here, lever, turned = slice(k * size, (k + 1) * size), pad.levers[k].copy(), 0.0
-        if line:  # shear below a line is across it
+        if line:  # keep the shear component across the line
             turned = lever[2] * cos - lever[1] * sin
             lever[1], lever[2] = lever[1] * cos + lever[2] * sin, 0.0
         by[BASE + k, here] = 1.0

@@ -1,15 +1,15 @@
 """
-Pressure of point and line loads on a skin, as polynomials that a compiled fit evaluates.
+Approximate the pressure of point and line loads on a skin by polynomials, for the compiled fit.
 
-A tactel measures P f(s) + (Qx u + Qy v) g(s) under a point load, s = u^2 + v^2
-its squared distance; likewise under a line load, u its distance and Q the shear across. The
-inverse transforms of `layer.pressure_transforms` give f and g, and here they become polynomials in
-t = c^2 / (s + c^2), c some depths: smooth, and without an end. What an area tactel averages, and
-what an extended load spreads, are factors of the transform.
+Under a point load, a tactel measures P f(s) + (Qx u + Qy v) g(s), where s = u^2 + v^2 is its
+squared distance. Under a line load, u is its distance and Q the shear across the line. The
+inverse transforms of `layer.pressure_transforms` give f and g. Here they are approximated by
+polynomials in t = c^2 / (s + c^2), where c is some depths; these are smooth and valid at any
+distance. The mean over a tactel's area and the extent of a load are factors of the transform.
 
 The mean over a square depends on direction. For a point its mean over all directions is used,
-right to the third order of the side; a line has the next term as well, that with cos(4 yaw).
-Tactels too large for that are split.
+which is correct to the third order of the side. A line also has the next term, with cos(4 yaw).
+Tactels that are too large for this are split into squares.
 """
 
 from functools import lru_cache
@@ -20,32 +20,32 @@ from tactile_sensing.skin.layer import pressure_transforms
 from tactile_sensing.types.skin import Skin
 
 DEGREE = 12  # of the polynomials in t
-SPREAD_DEGREE = 7  # of those in the variance of the load's patch
+SPREAD_DEGREE = 7  # of the polynomials in the variance of the load's patch
 CENTRE = 2.0  # c [depths]
-# Largest variance along one axis of the patch of a load [depths^2]: Hertz' of a radius of 1.5
-# depths (radius^2 / 5), or of a half width of 1.34 depths (half width^2 / 4).
+# Largest variance of a load's patch along one axis [depths^2]: Hertz pressure with a radius of 1.5
+# depths (radius^2 / 5), or with a half width of 1.34 depths (half width^2 / 4).
 MAX_VARIANCE = 0.45
-LARGEST_SIDE = 0.9  # of a square over which the mean may be taken as round [depths]
-REACH = 40.0  # the pressure is fitted to this distance, and to none at infinity [depths]
+LARGEST_SIDE = 0.9  # largest side of a square with the approximated mean [depths]
+REACH = 40.0  # the pressure is fitted up to this distance, and to 0 at infinity [depths]
 _NODES = 160
 
 
 @lru_cache(maxsize=1)
 def _quadrature() -> tuple[np.ndarray, np.ndarray]:
-    """Wave numbers and weights of the inverse transforms [1/depth]."""
+    """Return wave numbers and weights of the inverse transforms [1/depth]."""
     nodes, weights = np.polynomial.legendre.leggauss(20)
-    k = (np.arange(45)[:, None] + 0.5 + 0.5 * nodes) / 1.5  # to 30: e^-30 is nothing
+    k = (np.arange(45)[:, None] + 0.5 + 0.5 * nodes) / 1.5  # up to 30: e^-30 is negligible
     return k.ravel(), np.tile(weights / 3.0, 45)
 
 
 @lru_cache(maxsize=1)
 def _transforms() -> np.ndarray:
     """
-    From transforms at the wave numbers to coefficients.
+    Return the matrices that map transforms at the wave numbers to coefficients.
 
-    Returns arrays (2, 2, DEGREE + 1, wave numbers): of point and line, for f and g.
+    Shape (2, 2, DEGREE + 1, wave numbers): point and line; f and g; powers of t.
     """
-    from scipy.special import j0, j1  # of 35 MB, which only a fit needs
+    from scipy.special import j0, j1  # 35 MB that only a fit needs
     k, weights = _quadrature()
     nearest = CENTRE**2 / (REACH**2 + CENTRE**2)
     t = nearest + (1.0 - nearest) * 0.5 * (
@@ -55,10 +55,10 @@ def _transforms() -> np.ndarray:
     values = np.stack([j0(kr) * k / (2.0 * np.pi), j1(kr) * k / (2.0 * np.pi) / r[:, None],
                        np.cos(kr) / np.pi, np.sin(kr) / np.pi / r[:, None]]) * weights
     values = values.reshape(2, 2, _NODES, k.size)
-    lever = np.stack([np.ones(_NODES), np.minimum(r, 5.0)])  # g stands beside a distance
+    lever = np.stack([np.ones(_NODES), np.minimum(r, 5.0)])  # g is multiplied by a distance
     basis = np.polynomial.chebyshev.chebvander(2.0 * t - 1.0, DEGREE)
     at_infinity = np.polynomial.chebyshev.chebvander(np.array([-1.0]), DEGREE)
-    # Columns: coefficients of the powers of t of every Chebyshev polynomial in 2 t - 1.
+    # Column i: coefficients of the Chebyshev polynomial i in 2 t - 1, by powers of t.
     powers = np.stack([np.pad(
         np.polynomial.Chebyshev.basis(i, domain=[0.0, 1.0]).convert(
             kind=np.polynomial.Polynomial).coef, (0, DEGREE - i)) for i in range(DEGREE + 1)], -1)
@@ -71,7 +71,7 @@ def _transforms() -> np.ndarray:
 
 
 def square_mean(k: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray]:
-    """Transform of the mean over a square: its mean over directions, and that of cos(4 yaw)."""
+    """Transform the mean over a square; return its mean over yaw and its cos(4 yaw) term."""
     turn = np.pi / 2.0 * (np.arange(32) + 0.5) / 32
     half = np.multiply.outer(0.5 * side * k, np.stack([np.cos(turn), np.sin(turn)]) / np.pi)
     mean = np.sinc(half).prod(axis=-2)
@@ -80,9 +80,10 @@ def square_mean(k: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray]:
 
 def patch_transforms(k: np.ndarray, variance: float) -> tuple[np.ndarray, np.ndarray]:
     """
-    Transforms of Hertz' pressures over a disc and over a strip.
+    Return the transforms of Hertz pressures over a disc and over a strip.
 
-    Both have the variance along each axis, or across: radius^2 / 5, half width^2 / 4.
+    The variance is that along each axis of the disc (radius^2 / 5), or across the strip
+    (half width^2 / 4).
     """
     if variance == 0.0:
         return np.ones_like(k), np.ones_like(k)
@@ -118,20 +119,20 @@ def _polynomials(depth_over_thickness: float, poisson: float, side: float) -> np
 
 def polynomials(skin: Skin, side: float = 0.0) -> np.ndarray:
     """
-    Coefficients of f and g in units of the depth.
+    Return the coefficients of f and g in units of the depth.
 
     Parameters
     ----------
     skin : Skin
     side : float
-        Of the squares over which tactels average [m]; 0: they sample points.
+        Side of the squares over which tactels average [m]; 0: they sample points.
 
     Returns
     -------
     ndarray, shape (3, SPREAD_DEGREE + 1, 2, DEGREE + 1), read-only
-        Of point, line, and what a line has more times cos(4 yaw); powers of the patch's variance
-        [depths^2]; f and g; powers of t.
-        f is over depth^2 (line: depth), g over depth^3 (depth^2).
+        Axis 0: point, line, and the factor of cos(4 yaw) of a line. Axis 1: powers of the patch's
+        variance [depths^2]. Axis 2: f and g. Axis 3: powers of t.
+        Divide f by depth^2 (line: depth) and g by depth^3 (line: depth^2).
     """
     return _polynomials(round(skin.depth / skin.thickness, 12), round(skin.poisson, 12),
                         round(side / skin.depth, 12))

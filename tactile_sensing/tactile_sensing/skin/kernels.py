@@ -1,4 +1,4 @@
-"""Pressure of a sharp point load on a skin for compiled loops: the polynomials of `kernel`."""
+"""Pressure of a sharp point load for compiled loops, by the polynomials of `kernel`."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ TERMS = DEGREE + 1
 
 
 def sharp_point(polynomials: np.ndarray, depth: float) -> np.ndarray:
-    """Coefficients (TERMS,) of the pressure of a normal point load, highest power first."""
+    """Return the coefficients (TERMS,) for a normal point load, highest power of t first."""
     shape, slope = np.zeros((2, TERMS)), np.zeros((2, TERMS))
     shape_of(polynomials, depth, 0, 0.0, 0.0, shape, slope)
     return shape[0]
@@ -18,19 +18,19 @@ def sharp_point(polynomials: np.ndarray, depth: float) -> np.ndarray:
 
 @njit(error_model='numpy')
 def centre_of(depth: float) -> float:
-    """c^2 of the polynomials' t = c^2 / (s + c^2) [m^2]."""
+    """Return c^2 of the polynomials' t = c^2 / (s + c^2) [m^2]."""
     return (CENTRE * depth) ** 2
 
 
 @njit(error_model='numpy')
 def coefficients_of(shape: np.ndarray) -> tuple[float, ...]:
-    """Coefficients as a tuple: loops over it unroll, so that those over tactels are vectorised."""
+    """Convert coefficients to a tuple, so that loops over them unroll and tactels vectorise."""
     return to_fixed_tuple(shape, TERMS)
 
 
 @njit(error_model='numpy', fastmath=FAST)
 def value_of(coefficients: tuple[float, ...], t: float) -> float:
-    """Value of a polynomial."""
+    """Evaluate a polynomial, highest power first."""
     value = 0.0
     for coefficient in coefficients:
         value = value * t + coefficient

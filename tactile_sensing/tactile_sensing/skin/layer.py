@@ -1,11 +1,11 @@
 """
-An elastic layer bonded to a rigid base, in wave numbers: the exact solution.
+Exact solution for an elastic layer that is bonded to a rigid base, in wave numbers.
 
-Papkovich-Neuber potentials phi and psi, harmonic, give 2 G u_r = d(phi + z psi')/dr and so on; at
-every wave number k they are A e^(-kz) + B e^(k(z - h)) and C e^(-kz) + D e^(k(z - h)), and four
-conditions, two at the loaded surface and two at the base, give A to D. The Hankel transform of
-order 0 (normal load) or 1 (shear) turns the result into the stress below a point load, the
-Fourier transform into that below a line.
+The harmonic Papkovich-Neuber potentials phi and psi give 2 G u_r = d(phi + z psi')/dr and so on.
+At every wave number k they are A e^(-kz) + B e^(k(z - h)) and C e^(-kz) + D e^(k(z - h)). Four
+conditions determine A to D: two at the loaded surface, two at the base. The Hankel transform of
+order 0 (normal load) or 1 (shear) of the result is the stress under a point load, its Fourier
+transform the stress under a line load.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ TRACTION, SHEAR = 0, 1  # rows of the conditions at the surface
 
 def pressure_transforms(k: np.ndarray, skin: Skin) -> tuple[np.ndarray, np.ndarray]:
     """
-    Transform of the pressure at the tactels over that of the load at the surface.
+    Return the transform of the pressure at the tactels over that of the load at the surface.
 
     Parameters
     ----------
@@ -28,12 +28,12 @@ def pressure_transforms(k: np.ndarray, skin: Skin) -> tuple[np.ndarray, np.ndarr
     Returns
     -------
     normal, shear : ndarray, shape (N,)
-        For a normal load; for a tangential one, which gives the part that is odd about it.
+        For a normal load, whose pressure is even about it; for a shear load: odd.
     """
     kd = k * skin.depth
     if skin.is_half_space:  # (2.2) and (3.1)
         return (1.0 + kd) * np.exp(-kd), kd * np.exp(-kd)
-    # In units of the thickness; columns are the potentials A, B, C, D.
+    # In units of the thickness; columns: coefficients A, B, C, D.
     kh, nu, depth = k * skin.thickness, skin.poisson, skin.depth / skin.thickness
     down, zero = np.exp(-kh), np.zeros_like(kh)
     one = zero + 1.0

@@ -1,4 +1,4 @@
-"""What the fit knows of a sensor: its tactels, and the skin above them if that is known."""
+"""Describe a sensor for the fit: its tactels, and its skin if that is known."""
 
 from functools import lru_cache
 import math
@@ -20,7 +20,7 @@ _NODES = {1: ((0.0,), (1.0,)),
 
 
 def _gauss(points: int, array: TactelArray) -> np.ndarray:
-    """Nodes of the mean over a tactel (points^2, 3): offset [m], weight."""
+    """Return the quadrature nodes over a tactel, (points^2, 3): offset x, y [m], weight."""
     nodes = list(zip(*_NODES[points], strict=True))
     return np.array([(p * array.pitch_x, q * array.pitch_y, u * w)
                      for p, u in nodes for q, w in nodes])
@@ -30,22 +30,22 @@ def _gauss(points: int, array: TactelArray) -> np.ndarray:
 def pad_of(array: TactelArray, layers: tuple[tuple[str, float], ...], *, area: bool = True,
            thickness: float = math.inf, poisson: float = 0.5) -> Pad:
     """
-    What the compiled functions know of a sensor.
+    Describe a sensor for the compiled functions.
 
     Parameters
     ----------
     array : TactelArray
     layers : tuple of (component, depth [m])
-        Depth 0, of a single layer of pressure: the skin is not known.
+        A single layer of pressure with depth 0 means that the skin is unknown.
     area : bool
-        Whether a tactel measures the mean over its area, or the stress at its centre.
+        True: a tactel measures the mean over its area. False: the stress at its centre.
     thickness, poisson : float
-        Of the skin, see `Skin`.
+        Thickness [m] and Poisson's ratio of the skin, see `Skin`.
 
     Raises
     ------
     ConfigurationError
-        Impossible layers or skin, or tactels that are far wider than they are deep.
+        If layers or skin are impossible, or the tactels are much wider than their depth.
     """
     if 'zz' not in [component for component, _ in layers]:
         raise ConfigurationError("layers have no 'zz', must have at least one of pressure")

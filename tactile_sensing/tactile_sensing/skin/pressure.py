@@ -1,4 +1,4 @@
-"""What tactels measure under point and line loads on a skin: `half_space` with a backing."""
+"""Pressure at the tactels under point and line loads, on a skin with or without a backing."""
 
 from dataclasses import dataclass, field
 import math
@@ -9,25 +9,25 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.skin.kernel import CENTRE, LARGEST_SIDE, MAX_VARIANCE, polynomials
 from tactile_sensing.types.skin import Skin
 
-MOST_SQUARES = 24  # along a tactel; each costs a fit as much as a tactel that samples a point
+MOST_SQUARES = 24  # along a tactel; each costs as much time as a tactel that samples a point
 POINT, LINE, LINE_TURNED = range(3)  # rows of `polynomials`
 
 
 def split_tactel(pitch_x: float, pitch_y: float, depth: float) -> tuple[float, np.ndarray]:
     """
-    Squares whose centres stand for a rectangle.
+    Split a rectangular tactel into squares of equal weight.
 
     Returns
     -------
     side : float
-        Of the squares [m], at most LARGEST_SIDE depths.
+        Side of the squares [m], at most LARGEST_SIDE depths.
     centres : ndarray, shape (N, 2)
-        From the middle of the rectangle [m], all of the same weight.
+        Their centres, from the centre of the rectangle [m].
 
     Raises
     ------
     ConfigurationError
-        The rectangle is more than MOST_SQUARES of the largest squares long.
+        If the rectangle is longer than MOST_SQUARES squares of the largest side.
     """
     largest = LARGEST_SIDE * depth
     if max(pitch_x, pitch_y) > MOST_SQUARES * largest:
@@ -40,7 +40,7 @@ def split_tactel(pitch_x: float, pitch_y: float, depth: float) -> tuple[float, n
     axes = []
     for count, length in zip(counts, sides, strict=True):
         middles = (np.arange(count) - 0.5 * (count - 1)) * length
-        rest = math.sqrt(max(length**2 - side**2, 0.0) / 12.0)  # two points of the same variance
+        rest = math.sqrt(max(length**2 - side**2, 0.0) / 12.0)  # two points with the same variance
         axes.append(middles if rest < 1e-3 * side else np.add.outer(
             middles, (-rest, rest)).ravel())
     x, y = np.meshgrid(*axes)
@@ -50,14 +50,13 @@ def split_tactel(pitch_x: float, pitch_y: float, depth: float) -> tuple[float, n
 @dataclass(frozen=True)
 class SkinPressure:
     """
-    Pressure at tactels of a size in a skin [Pa], compression positive.
+    Pressure at tactels of a given size in a skin [Pa], compression positive.
 
-    Places, loads and signs as in `thesis.point` and `thesis.line`. Sizes of 0 sample
-    points.
+    Places, loads and signs are those of `thesis.point` and `thesis.line`.
     """
 
     skin: Skin
-    size_x: float = 0.0  # of a tactel [m]
+    size_x: float = 0.0  # of a tactel [m]; 0: it samples a point
     size_y: float = 0.0
     _nodes: np.ndarray = field(init=False, repr=False, compare=False)
     _coefficients: np.ndarray = field(init=False, repr=False, compare=False)
@@ -71,15 +70,19 @@ class SkinPressure:
 
     def point(self, x: np.ndarray, y: np.ndarray, a: float, b: float, normal_force: float,
               shear_x: float = 0.0, shear_y: float = 0.0, radius: float = 0.0) -> np.ndarray:
-        """Pressure under Hertz' patch of this radius [m], at most 1.5 depths; 0: a point."""
+        """
+        Return the pressure [Pa] under a point load or a Hertz patch.
+
+        `radius` of the patch [m] is at most 1.5 depths; 0: a point. Forces are in N.
+        """
         return self.point_basis(x, y, a, b, radius) @ np.array([normal_force, shear_x, shear_y])
 
     def point_basis(self, x: np.ndarray, y: np.ndarray, a: float | np.ndarray,
                     b: float | np.ndarray, radius: float | np.ndarray = 0.0) -> np.ndarray:
         """
-        Pressure by a unit of normal force, shear along x and along y, shape (..., 3).
+        Return the pressure per unit of normal force, shear x and shear y, shape (..., 3) [Pa/N].
 
-        Places and radius may be arrays as well, that broadcast with x and y.
+        a, b and radius may be arrays that broadcast with x and y.
         """
         parts: list = [0.0, 0.0, 0.0]
         for dx, dy in self._nodes:
@@ -90,7 +93,11 @@ class SkinPressure:
 
     def line(self, x: np.ndarray, y: np.ndarray, rho: float, yaw: float, line_force: float,
              line_shear: float = 0.0, half_width: float = 0.0) -> np.ndarray:
-        """Pressure under a half ellipse of this half width [m], at most 1.34 depths; 0: a line."""
+        """
+        Return the pressure [Pa] under a line load or a strip with a half ellipse of pressure.
+
+        `half_width` of the strip [m] is at most 1.34 depths; 0: a line. Forces are in N/m.
+        """
         coefficients = self._coefficients[LINE] + np.cos(
             4.0 * yaw) * self._coefficients[LINE_TURNED]
         total: np.ndarray | float = 0.0

@@ -15,9 +15,8 @@ class TactelArray:
     """
     Rectangular array of tactels, centred on the origin of the sensor frame.
 
-    Images of it have the shape `(rows, columns)`; x runs along increasing column and y along
-    increasing row. ConfigurationError where a size is not a positive integer, or a pitch out of
-    bounds.
+    Its images have the shape `(rows, columns)`; x increases with the column, y with the row.
+    Raises a ConfigurationError if a size is not a positive integer or a pitch is out of bounds.
     """
 
     rows: int  # tactels along y

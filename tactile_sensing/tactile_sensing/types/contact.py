@@ -1,4 +1,4 @@
-"""What an estimator says about one tactile image: the one place where its fields are listed."""
+"""Result of the contact estimation for one image; all its fields are defined here only."""
 
 from collections import namedtuple
 from dataclasses import dataclass, field, fields
@@ -14,7 +14,7 @@ NAN = float('nan')
 
 
 class ContactType(IntEnum):
-    """Least model that explains the image; the numbers of Contact.msg."""
+    """Simplest model that explains the image; numbers as in Contact.msg."""
 
     NONE = 0
     POINT = 1
@@ -23,7 +23,7 @@ class ContactType(IntEnum):
 
 
 class Reason(IntFlag):
-    """Why an estimate is not valid, or what it left out; the numbers of Contact.msg."""
+    """Why an estimate is not valid, or what is missing; numbers as in Contact.msg."""
 
     NO_CONTACT = 1
     LOW_SNR = 2
@@ -40,33 +40,33 @@ class Reason(IntFlag):
     UNCALIBRATED = 4096
 
 
-# What says that something was left out, not that there is no estimate.
+# Reasons that do not make an estimate invalid.
 INFORMATION = (Reason.SATURATED | Reason.DEAD_TACTELS | Reason.SKIN_MISMATCH | Reason.NOT_TARED
                | Reason.UNCALIBRATED)
 
 
 def _told(unit: str, doc: str, *, dtype: str = 'f8', row: bool = False) -> dict:
-    """What of a field is written to files."""
+    """Return the metadata of a field that is written to files."""
     return {'unit': unit, 'doc': doc, 'dtype': dtype, 'row': row}
 
 
 def _parameter(unit: str, doc: str) -> dict:
-    """Likewise, of a parameter of the load, with a row and a column in the covariance."""
+    """Return the metadata of a parameter that has a row and a column in the covariance."""
     return _told(unit, doc, row=True)
 
 
 def no_covariance() -> np.ndarray:
-    """Covariance of nothing: (7, 7) of NaN."""
+    """Return a covariance (7, 7) of NaN."""
     return np.full((len(PARAMETERS), len(PARAMETERS)), NAN)
 
 
-@dataclass  # not frozen: one is made of every image
+@dataclass  # not frozen, to be faster: one is created for every image
 class Contact:
     """
     Contact estimate in the sensor frame; fields as in Contact.msg, SI units.
 
-    Parameters that the type does not have are NaN, and all of them are when not valid. Forces and
-    patch are NaN unless force_valid, too.
+    Parameters that the type does not have are NaN. If `valid` is false, all parameters are NaN;
+    if `force_valid` is false, forces and patch are NaN.
     """
 
     type: ContactType = field(metadata=_told(
@@ -116,11 +116,11 @@ class Contact:
 
 
 def line_offsets(records: np.ndarray) -> np.ndarray:
-    """`Contact.offset` of lines, given as rows of RECORD or of what has their x, y and yaw."""
+    """Return `Contact.offset` [m] of lines; records: structured array with x, y and yaw."""
     return records['x'] * np.cos(records['yaw']) + records['y'] * np.sin(records['yaw'])
 
 
-# Order of the rows and columns of Contact.covariance, and the row of each: ROW.x ...
+# Order of the rows and columns of Contact.covariance; ROW.x is the index of x, and so on.
 PARAMETERS = tuple(f.name for f in fields(Contact) if f.metadata.get('row'))
 ROW: Any = namedtuple('ROW', PARAMETERS)(*range(len(PARAMETERS)))
 FORCES = ('normal_force', 'shear_force_x', 'shear_force_y', 'line_force')  # in PARAMETERS
@@ -136,4 +136,4 @@ def _type_of(name: str, dtype: str) -> tuple:
 
 # One row of `ContactEstimator.estimate_batch` and of the command `estimate`.
 RECORD = np.dtype([_type_of(name, f.metadata['dtype']) for name, f in COLUMNS.items()])
-STAMPED = np.dtype([*RECORD.descr, ('t', 'f8')])  # likewise of a picture of a bag
+STAMPED = np.dtype([*RECORD.descr, ('t', 'f8')])  # the same for an image of a bag; t: stamp [s]

@@ -1,4 +1,4 @@
-"""One picture of a tactile array, as the core passes it around."""
+"""One image of a tactile array."""
 from dataclasses import dataclass
 import math
 
@@ -11,7 +11,7 @@ from tactile_sensing.types.skin import Skin
 COMPONENTS = ('zz', 'xz', 'yz')
 
 
-@dataclass(eq=False)  # not frozen: one is made of every image
+@dataclass(eq=False)  # not frozen, to be faster: one is created for every image
 class Layer:
     """One stress component, sampled at one depth below the surface of the skin."""
 
@@ -23,33 +23,37 @@ class Layer:
     unit: str = 'Pa'  # or 'counts' if uncalibrated
     thickness: float = math.inf  # of the skin on a rigid backing [m]; infinite: a half-space
     poisson: float = 0.5  # Poisson's ratio of the skin
-    gain_spread: float = 0.0  # standard deviation of the tactels' gains, relative; 0 = unknown
-    # A tactel at or below it is only known to be below it, in `unit`; 0 = all are measured.
+    gain_spread: float = 0.0  # relative standard deviation of the tactels' gains; 0 = unknown
+    # A reading at or below the floor is only an upper bound, in `unit`; 0 = no floor.
     floor: float = 0.0
-    # Standard deviation that the forces of all contacts have in common, relative; 0 = unknown.
+    # Relative standard deviation that the forces of all contacts have in common; 0 = unknown.
     force_std: float = 0.0
 
     @property
     def skin(self) -> Skin:
-        """The skin; a ConfigurationError where it is impossible."""
+        """The skin of this layer; raises a ConfigurationError if it is impossible."""
         return Skin(self.depth, self.thickness, self.poisson)
 
 
-@dataclass(eq=False)  # not frozen, likewise
+@dataclass(eq=False)  # not frozen, for the same reason
 class TactileImage:
-    """Every layer of one sensor at one instant."""
+    """All layers of one sensor at one instant."""
 
     stamp_ns: int  # middle of the acquisition [ns]
     sequence: int  # frames since the driver started, lost ones included
     layers: tuple  # of Layer, one per stress component and depth
     array: TactelArray
-    tared: bool = False  # whether the no-load picture has been subtracted
-    saturated: int = 0  # tactels at full scale, over all layers (NaN in the stress)
+    tared: bool = False  # whether the unloaded image has been subtracted
+    saturated: int = 0  # number of tactels at full scale in all layers (NaN in the stress)
     frame_id: str = ''  # sensor frame
-    sensor: str = ''  # its name
+    sensor: str = ''  # name of the sensor
 
     def raw_counts(self) -> tuple[np.ndarray, int]:
-        """Return counts (rows, columns) that a driver passed through; how many are full scale."""
+        """
+        Return raw counts (rows, columns), and how many tactels are at full scale.
+
+        Raises a ConfigurationError if the image is tared or calibrated.
+        """
         layer = self.layers[0]
         if layer.unit != 'counts' or self.tared:
             raise ConfigurationError(
@@ -62,7 +66,7 @@ class TactileImage:
 
 @dataclass(frozen=True, eq=False)
 class SensorInfo:
-    """What a driver knows of its sensor; units and meaning as in SensorInfo.msg."""
+    """Properties of a sensor, published by its driver; fields and units as in SensorInfo.msg."""
 
     stamp_ns: int
     frame_id: str

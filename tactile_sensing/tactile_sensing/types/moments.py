@@ -7,7 +7,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Moments:
-    """Moments of pressure over the array about its centre, compression positive."""
+    """Moments of the pressure about the centre of the array, compression positive."""
 
     m0: float  # [N]
     mx: float  # [N m]
@@ -18,17 +18,17 @@ class Moments:
 
     @property
     def centre_of_pressure(self) -> tuple[float, float]:
-        """(x, y) of the centroid [m]; NaN where the force is not positive."""
+        """Centroid (x, y) of the pressure [m]; NaN if the force is not positive."""
         if not self.m0 > 0.0:
             return np.nan, np.nan
         return self.mx / self.m0, self.my / self.m0
 
     def elongation(self) -> float:
         """
-        Ratio of the principal second moments about the centroid, >= 1; NaN without load.
+        Return the ratio of the principal second moments about the centroid, >= 1; NaN: no load.
 
-        An edge across the pad has L^2 / (3 d^2), about 13 on a 25 mm pad under 2 mm of
-        rubber; a point or a flat has 1.
+        An edge across the pad has L^2 / (3 d^2), about 13 on a 25 mm pad under 2 mm of rubber. A
+        point or a flat surface has 1.
         """
         x, y = self.centre_of_pressure
         if np.isnan(x):

@@ -1,4 +1,4 @@
-"""The skin above the tactels, and where in it they lie."""
+"""The skin, and the depth of the tactels in it."""
 
 from dataclasses import dataclass
 import math
@@ -10,11 +10,15 @@ from tactile_common.errors import ConfigurationError
 
 @dataclass(frozen=True)
 class Skin:
-    """Elastic layer on a rigid backing, tactels at a depth; ConfigurationError out of bounds."""
+    """
+    Elastic layer on a rigid backing, with tactels at a depth.
+
+    Raises a ConfigurationError if a value is out of bounds.
+    """
 
     depth: float  # of the tactels below the surface [m]
     thickness: float = math.inf  # of the layer [m], at least `depth`; infinite: a half-space
-    poisson: float = 0.5  # Poisson's ratio, 0 to 0.5; nothing depends on it in a half-space
+    poisson: float = 0.5  # Poisson's ratio, 0 to 0.5; no effect in a half-space
 
     def __post_init__(self) -> None:
         for name in ('depth', 'thickness', 'poisson'):
@@ -31,5 +35,5 @@ class Skin:
 
     @property
     def is_half_space(self) -> bool:
-        """Whether there is no backing."""
+        """Whether the skin has no backing."""
         return self.thickness == math.inf
