@@ -1,4 +1,4 @@
-"""Loads by quadrature, over tactels and windows, and over the plane: what tests compare with."""
+"""Reference for tests: loads integrated by quadrature over tactels, windows and the plane."""
 
 import numpy as np
 
@@ -9,13 +9,13 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 def point_average(component, x, y, a, b, normal_force, shear_x, shear_y, depth, size_x, size_y):
-    """Mean of `point.stress` over rectangles size_x by size_y [m] about (x, y)."""
+    """Return the mean of `point.stress` over rectangles size_x by size_y [m] about (x, y)."""
     return _average(lambda u, v: point.stress(
         component, u, v, a, b, normal_force, shear_x, shear_y, depth), x, y, size_x, size_y)
 
 
 def line_average(x, y, rho, yaw, line_force, line_shear, depth, size_x, size_y):
-    """Likewise of `line.pressure`."""
+    """Return the mean of `line.pressure` over rectangles size_x by size_y [m] about (x, y)."""
     return _average(lambda u, v: line.pressure(u, v, rho, yaw, line_force, depth, line_shear),
                     x, y, size_x, size_y)
 
@@ -27,7 +27,7 @@ def _average(stress, x, y, size_x, size_y):
 
 
 def window_moments(x_limits, y_limits, load, depth, component='zz'):
-    """Moments of a point load (a, b, P, Qx, Qy) over a rectangle (2.1), about the origin."""
+    """Return the moments of a point load (a, b, P, Qx, Qy) over a rectangle (2.1)."""
     nodes, weights = np.polynomial.legendre.leggauss(200)
     (x1, x2), (y1, y2) = x_limits, y_limits
     x = 0.5 * (x1 + x2) + 0.5 * (x2 - x1) * nodes
@@ -37,7 +37,7 @@ def window_moments(x_limits, y_limits, load, depth, component='zz'):
 
 
 def all_moments(load, depth, component='zz'):
-    """Likewise over the plane, but for what is slow to converge: x = a + d tan(t)."""
+    """Return moments over the plane by x = a + d tan(t), without those that converge slowly."""
     nodes, weights = np.polynomial.legendre.leggauss(400)
     tan, weights = np.tan(0.5 * np.pi * nodes), 0.5 * np.pi * weights
     weights = depth * weights * (1.0 + tan**2)
@@ -52,7 +52,7 @@ def _sums(x, y, weighted):
 
 def plane_moments(a, b, normal_force, shear_x, shear_y, depth, component='zz'):
     """
-    Moments over the infinite plane: Tables 2.2 and 2.3, compression positive.
+    Return the moments over the infinite plane: Tables 2.2 and 2.3, compression positive.
 
     With Mxy = a b P + d (a Qy + b Qx), which Table 2.2 leaves out. The second moments of
     the shear stresses do not exist and are NaN.

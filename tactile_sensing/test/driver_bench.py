@@ -1,4 +1,4 @@
-"""A driver, who listens to it, and the executor that both run in."""
+"""A driver, a listener and their executor, for tests."""
 import threading
 import time
 
@@ -40,7 +40,7 @@ class Bench:
             self.executor.add_node(each)
 
     def until(self, condition, what, act=lambda: None):
-        """Run, and act again and again, until a condition holds."""
+        """Run the executor, and repeat an action, until a condition holds."""
         end = time.monotonic() + DEADLINE
         while not condition():
             assert time.monotonic() < end, f'{what} did not come; {self.reports[-1:]}'
@@ -48,12 +48,12 @@ class Bench:
             self.executor.spin_once(timeout_sec=0.005)
 
     def told(self, words, level=None):
-        """Whether the last report has these words, and a level."""
+        """Return whether the last diagnostic report contains these words and has this level."""
         return bool(self.reports) and words in self.reports[-1].message and level in (
             None, self.reports[-1].level)
 
     def value(self, key):
-        """Return a value of the last report."""
+        """Return a value of the last diagnostic report."""
         return {it.key: it.value for it in self.reports[-1].values}[key] if self.reports else None
 
     def __enter__(self):

@@ -4,7 +4,7 @@ import tty
 
 
 class Terminal:
-    """The sensor's end of a pseudo-terminal behind a link, as its driver sees it."""
+    """The sensor side of a pseudo-terminal; a link names the driver's side."""
 
     def __init__(self, link):
         self.link = link
@@ -16,7 +16,7 @@ class Terminal:
         os.set_blocking(self.master, False)
         self.link.unlink(missing_ok=True)
         self.link.symlink_to(os.ttyname(slave))
-        # The slave stays open on this side until the driver has it, else the master reads EIO.
+        # Keep the slave open until the driver opens it, otherwise the master reads EIO.
         self._slave = slave
 
     def unplug(self):
@@ -27,7 +27,7 @@ class Terminal:
             self.link.unlink()
 
     def write(self, data):
-        """Send bytes, as far as somebody reads them."""
+        """Send bytes, as long as a reader takes them."""
         try:
             os.write(self.master, data)
         except BlockingIOError:

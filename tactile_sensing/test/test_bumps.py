@@ -1,4 +1,4 @@
-"""Bumps: pictures against the closed forms and each other, derivatives against differences."""
+"""Bumps: images compared with closed forms, derivatives with finite differences."""
 from averages_over_tactels import line_average
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ STEPS = {Q0: 1e-7, Q1: 1e-7, BEGIN: 1e-7, END: 1e-7, WIDTH: 1e-5, EXPONENT: 1e-5
 
 
 def loaded(kind, layers=1, seed=0, **values):
-    """Parameters of a load somewhere on the pad."""
+    """Return the parameters of a random load on the pad."""
     rng = np.random.default_rng(seed)
     theta = np.zeros(BASE + layers)
     theta[Q0] = rng.uniform(-5e-3, 5e-3)
@@ -44,7 +44,7 @@ def loaded(kind, layers=1, seed=0, **values):
 
 
 def rows(kind, power, pad, theta, *, ends=False, wide=True):
-    """Picture (tactels,) and derivatives (parameters, tactels)."""
+    """Return the image (tactels,) and its derivatives (parameters, tactels)."""
     size = pad.depths.size * ARRAY.rows * ARRAY.columns
     by, model = np.zeros((theta.size, size)), np.zeros(size)
     add_rows(kind, power, ends, wide, False, pad, theta, by, model)
@@ -108,10 +108,10 @@ def test_derivatives_are_differences(kind, power, layers, ends, seed):
         above, below = (rows(kind, power, pad, theta + s * step, ends=ends)[0] for s in (1, -1))
         slope = (above - below) / (2.0 * step[parameter])
         assert np.abs(slope).max() > 0.0
-        # How the mean over a tactel depends on a line's direction is left out of the derivative.
+        # The derivative ignores that the mean over a tactel depends on a line's direction.
         bound = 3e-4 if kind == LINE and not power and parameter == Q1 else 1e-5
         assert np.abs(by[parameter] - slope).max() < bound * np.abs(slope).max(), parameter
-    for layer in range(len(layers)):  # the baseline of each is 1 in its own
+    for layer in range(len(layers)):  # a baseline has derivative 1 in its own layer
         np.testing.assert_array_equal(
             by[BASE + layer].reshape(len(layers), -1).max(axis=1), np.eye(len(layers))[layer])
     assert np.isfinite(model).all()

@@ -1,4 +1,4 @@
-"""Command `calibrate`, on pictures by finite elements, which share nothing with its model."""
+"""Command `calibrate`, on images by finite elements, which are independent of its model."""
 import os
 from pathlib import Path
 
@@ -33,7 +33,7 @@ def profile():
 
 
 def presses(profile, count, rng, reach=8e-3):
-    """Pictures (count, rows, columns) over their highest pressure, and places (count, 2) [m]."""
+    """Return images (count, rows, columns) over their peak, and places (count, 2) [m]."""
     nodes, weights = np.polynomial.legendre.leggauss(5)
     dx, dy = np.meshgrid(0.5 * ARRAY.pitch_x * nodes, 0.5 * ARRAY.pitch_y * nodes)
     share = np.multiply.outer(weights, weights)[..., None, None] / 4.0
@@ -85,7 +85,7 @@ def test_from_twenty_presses_to_honest_contacts(there, profile, capsys):
 
 @pytest.mark.parametrize('held, left', [(1, 0.033), (10, 0.02)])
 def test_gains_of_the_tactels(there, profile, held, left):
-    """Each press in one frame, or held for ten."""
+    """Each press has one frame, or is held for ten frames."""
     rng = np.random.default_rng(3)
     gains = 1.0 + 0.1 * rng.standard_normal(ARRAY.shape)
     for name, count, reach in (('b.npz', 20, 8e-3), ('f.npz', 40, 11e-3)):
@@ -98,7 +98,7 @@ def test_gains_of_the_tactels(there, profile, held, left):
     inner = (pad.gain * gains)[3:-3, 3:-3]
     assert pad.found['gains']['presses'] in (59, 60)
     assert np.std(inner / inner.mean()) < left  # of 0.1; in one frame .036 with forces unknown
-    # What is claimed for all of them holds for those that were pressed.
+    # The claim for all tactels must hold for the pressed ones.
     assert np.std(inner / inner.mean()) < pad.gain_spread < 0.06
     assert pad.found['gains']['spread'] == pytest.approx(0.1, abs=0.025)
     assert pad.unit == 'counts'
@@ -144,7 +144,7 @@ def test_a_wrong_ball_is_doubted_and_a_missing_recording_is_named(there, profile
 
 
 def test_presses_of_another_weight_are_left_alone():
-    """Of one weight in each file within 1 %, but one press twice as hard."""
+    """All presses of a file have one weight within 1 %, except one that is twice as hard."""
     expected, told, source = np.repeat([1.0, 3.0], 20), np.ones(40), np.repeat([0, 1], 20)
     found = 2.0 * expected * (1.0 + 0.01 * np.random.default_rng(8).standard_normal(40))
     found[5] *= 2.0
@@ -239,7 +239,7 @@ def test_a_threshold_is_seen_and_clipping_is_none():
 
 
 def test_a_threshold_that_hides_the_noise_bounds_it():
-    """At 40 dB a threshold of 5 standard deviations leaves zeros: noise is a quarter of it."""
+    """At 40 dB, a threshold of 5 standard deviations leaves zeros: noise = threshold / 4."""
     found = survey(np.zeros((100, 8, 8)), Counts(12, threshold=20), [])
     np.testing.assert_allclose(found.noise, 19.5 / 4.0)
     assert not found.dead and (found.offset == 0.0).all()
@@ -251,7 +251,7 @@ def test_scrambled_lines_are_put_in_order():
     y, x = np.arange(12)[:, None], np.arange(9)
 
     def seen(row, column):
-        """A ball at a place of the picture, as the raw frame (transposed) shows it."""
+        """Return the raw (transposed) frame of a ball at a place of the image."""
         picture = np.exp(-((y - row)**2 + (x - column)**2) / 3.0)
         raw = np.empty((9, 12))
         raw[np.ix_(columns, rows)] = picture.T
@@ -302,7 +302,7 @@ SHARED_ONLY = pytest.mark.skipif(
 
 
 def estimated(name, *options):
-    """Estimates of a recording, calibrated with what is published of its sensor."""
+    """Return the estimates of a recording, calibrated with the published data of its sensor."""
     assert calibrate.main(['--out', 'pad.yaml', *options]) == 0
     assert estimate.main([name, '--calibration', 'pad.yaml', '-o', 'o.npz']) == 0
     with np.load('o.npz') as found:
@@ -311,7 +311,7 @@ def estimated(name, *options):
 
 @SHARED_ONLY
 def test_a_finger_on_a_foil_has_no_force(there):
-    """Tekscan 6900: pitch, foil of .1 mm, 8 bits; the quietest tenth stands for unloaded."""
+    """Tekscan 6900: pitch, foil of .1 mm, 8 bits; the quietest tenth is taken as unloaded."""
     finger = np.load(SHARED / 'tekscan_finger' / 'iscan_finger.npz')
     raw = finger['frames'][:, 15:26, 15:26]
     load = raw.sum(axis=(1, 2))
@@ -323,20 +323,20 @@ def test_a_finger_on_a_foil_has_no_force(there):
     assert pad.threshold == 4 and (pad.noise < 1.0).all() and not pad.dead_tactels
     assert np.isnan(found['normal_force']).all() and not found['force_valid'].any()
     assert (found['type'][load[::8] == 0.0] == 0).all()
-    assert found['valid'].mean() < 0.5  # one blob is located, as the foot of a finger
-    beside = raw[::8, :, :2].max(axis=(1, 2)) > 2 * pad.threshold  # a second spot, at the border
+    assert found['valid'].mean() < 0.5  # frames with one blob only
+    beside = raw[::8, :, :2].max(axis=(1, 2)) > 2 * pad.threshold  # a second spot at the border
     assert beside.any() and not beside.all()
 
 
 @SHARED_ONLY
 def test_a_step_on_a_platform_is_neither_point_nor_line(there):
-    """Novel emed: cells of 5 mm in kPa from 10 kPa on; its own sum of forces is the truth."""
+    """Novel emed: cells of 5 mm, kPa, threshold 10 kPa; the device's own force is the truth."""
     step = np.load(SHARED / 'novel_emed' / 'emed_step.npz')
     np.save('foot.npy', step['pressure_kPa'][::35])
     np.save('rest.npy', np.zeros((20, *step['pressure_kPa'].shape[1:])))
     found = estimated('foot.npy', '--pitch', str(step['pitch_m']), '--unloaded', 'rest.npy',
                       '--threshold', '10', '--bits', '11', '--gain', '1000')
-    assert (found['type'][1:-1] == 3).all()  # heel and toes alone are blobs
+    assert (found['type'][1:-1] == 3).all()  # the first and last frame show only heel or toes
     assert not found['valid'][1:-1].any()
     np.testing.assert_allclose(found['moments'][:, 0], step['row_force_sum_N'][::35],
                                rtol=2e-4, atol=0.1)

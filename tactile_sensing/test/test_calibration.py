@@ -63,9 +63,9 @@ def test_dead_and_saturated_tactels_are_nan():
     counts[0, 0] = counts[2, 3] = 250
     counts[3, 4] = 249
     layer, saturated = pad.converter()(counts)
-    assert saturated == 1  # a dead one does not count
+    assert saturated == 1  # a dead tactel is not counted
     assert np.argwhere(np.isnan(layer.stress)).tolist() == [[0, 0], [1, 2], [2, 3]]
-    # The picture before leaves nothing behind.
+    # The previous image has no effect.
     assert np.isnan(pad.converter()(counts * 0 + 20)[0].stress).sum() == 2
 
 

@@ -1,4 +1,4 @@
-"""Claims of the fit of presses, on skins and sensors that are drawn; pictures by its own model."""
+"""Claimed errors of the fit of presses, on random skins and sensors; images by its own model."""
 import numpy as np
 import pytest
 
@@ -15,7 +15,7 @@ X, Y = ARRAY.x, ARRAY.y[:, None]
 
 
 def pressed(skin, rng, count=15, frames=1, patch=0.5):
-    """Presses of 1 N, each of frames that rise to it; gains, +-8 %; counts of a newton."""
+    """Return presses of 1 N, each with rising frames; gains within 8 %; counts per newton."""
     pressure = SkinPressure(skin, PITCH, PITCH)
     gains = 1.0 + 0.08 * rng.standard_normal(ARRAY.shape)
     share = (1.0 + np.arange(frames)) / frames

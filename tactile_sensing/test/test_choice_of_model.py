@@ -1,4 +1,4 @@
-"""Choice of the least model that explains a picture, and points as the estimator gives them."""
+"""Choice of the simplest model that explains an image, and estimates of points."""
 
 import numpy as np
 import pytest
@@ -92,7 +92,7 @@ def test_type_is_told(make, kind, decibels):
     two = sum(Reason.TWO_CONTACTS in contact.reasons for contact in found)
     assert two >= (0.9 * bar if decibels > 20 else 40) if make is two_points else two <= 20
     told = {ContactType.POINT, ContactType.LINE}
-    if make is end_of_an_edge:  # of which the pad may have a corner only
+    if make is end_of_an_edge:  # the pad may show only a corner of it
         found = [contact for contact in found
                  if contact.type == kind and Reason.OFF_PAD not in contact.reasons]
         assert len(found) > 40
@@ -135,7 +135,7 @@ def test_second_contact_is_named():
 
 @pytest.mark.parametrize('depth', [1e-4, DEPTH])
 def test_one_spot_that_no_load_explains_is_not_two(depth):
-    """A finger on a foil: even in the middle, with a tail; and two of them, a tactel between."""
+    """One finger on a foil: flat in the middle, with a tail. Two fingers, one tactel apart."""
     spot = np.zeros(ARRAY.shape)
     spot[8:13, 8:13], spot[9, 13:17], spot[10, 13:16] = 0.7, 0.2, 0.15
     spot[9:12, 9:12] = 1.0
@@ -210,7 +210,7 @@ def test_load_just_beyond_the_border_is_not_put_inside(kind, beyond):
 
 @pytest.mark.parametrize('depth', [DEPTH, 0.0])
 def test_as_many_readings_as_unknowns_are_no_answer(depth):
-    # A bump on any skin has a place, width, exponent, force, shear and a baseline: 8 unknowns.
+    # A free bump has place, width, exponent, force, shear and a baseline: 8 unknowns.
     array, frame = TactelArray(8, 8, 1e-3, 1e-3), np.full((8, 8), np.nan)
     frame[[1, 1, 5, 6, 6, 6], [3, 4, 4, 2, 5, 7]] = 6e4, 1.0, 0.0, 0.0, 0.0, 0.0
     record = ESTIMATOR.estimate_batch(frame[None], array, [Layer('zz', depth, None)])[0]
@@ -219,7 +219,7 @@ def test_as_many_readings_as_unknowns_are_no_answer(depth):
 
 def test_equal_readings_that_no_number_can_divide_are_no_error():
     frame = np.zeros((8, 8))
-    frame[3:5, 3:5] = 5e-324  # the least number there is: a millionth of it is 0
+    frame[3:5, 3:5] = 5e-324  # the smallest float: a millionth of it is 0
     record = ESTIMATOR.estimate_batch(
         frame[None], TactelArray(8, 8, 1e-3, 1e-3), [Layer('zz', DEPTH, None)])[0]
     assert not record['valid']

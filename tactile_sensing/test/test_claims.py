@@ -1,4 +1,4 @@
-"""What estimates claim of themselves holds where arrays are not ideal; frames of closed forms."""
+"""Claimed errors hold on arrays that are not ideal; frames by closed forms."""
 
 import numpy as np
 import pytest
@@ -15,11 +15,11 @@ X, Y = ARRAY.x, ARRAY.y[:, None]
 # N and N/m
 FORCES = {ContactType.POINT: ('normal_force', 5.0), ContactType.LINE: ('line_force', 200.0)}
 PLACES = {ContactType.POINT: ('x', 'y'), ContactType.LINE: ('offset', 'yaw')}
-HONEST = 1.4  # RMS of error over claimed standard deviation
+HONEST = 1.4  # largest RMS of error over claimed standard deviation
 
 
 def presses(kind, rng, count=COUNT):
-    """Truth by name, and pictures (count, rows, columns) without noise [Pa]."""
+    """Return the truth by name, and images (count, rows, columns) without noise [Pa]."""
     name, force = FORCES[kind]
     if kind == ContactType.POINT:
         truth = rng.uniform(-8e-3, 8e-3, (count, 2))
@@ -37,12 +37,12 @@ def estimates(frames, noise, **layer):
 
 
 def over_claims(found, truth):
-    """Largest RMS of error over claimed standard deviation of what is valid."""
+    """Return the largest RMS of error over claimed standard deviation, of valid contacts."""
     valid = found['valid']
     claimed = found['covariance']
     ratios = [(found[name] - truth[name]) / np.sqrt(claimed[:, row, row])
               for name, row in ROW._asdict().items() if name in truth]
-    if 'offset' in truth:  # across the edge at the place that is told
+    if 'offset' in truth:  # across the edge, at the estimated place
         across = found['x'] * np.cos(truth['yaw']) + found['y'] * np.sin(truth['yaw'])
         ratios.append((across - truth['offset'])
                       / np.sqrt(claimed[:, ROW.x, ROW.x] + claimed[:, ROW.y, ROW.y]))
@@ -82,12 +82,12 @@ def test_claims_without_a_fault_are_not_wide():
     truth, frames = presses(ContactType.POINT, rng, 2000)
     noise = 0.01 * frames.max()
     found = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
-    # Wider than the noise alone: nobody tells whether gains scatter, or whether there is a patch.
+    # Larger than by noise only, because scatter of the gains or a patch cannot be excluded.
     assert 0.5 < over_claims(found, truth) < 1.1
 
 
 def ending_edges(rng, count=COUNT):
-    """Truth (count, 3): offset, yaw and end along the edge, and pictures without noise [Pa]."""
+    """Return the truth (count, 3), offset, yaw and end, and images without noise [Pa]."""
     force = FORCES[ContactType.LINE][1]
     truth = rng.uniform((-5e-3, -0.5, -3e-3), (5e-3, 0.5, 7e-3), (count, 3))
     frames = np.zeros((count, *ARRAY.shape))
@@ -119,7 +119,7 @@ def test_a_dead_tactel_on_an_edge_that_ends_is_no_other_end():
     rng = np.random.default_rng(35)
     truth, frames = ending_edges(rng, 200)
     noise = 0.01 * frames.max(axis=(1, 2)).mean()
-    for frame in frames:  # what presses the border most
+    for frame in frames:  # the load that loads the border most
         frame[0, frame[0].argmax()] = 0.0
     found = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
     offset, yaw, end = truth.T

@@ -1,4 +1,4 @@
-"""The node of the estimator: what it publishes of a picture."""
+"""The contact estimator node: what it publishes for an image."""
 from averages_over_tactels import line_average
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def node():
 
 @pytest.mark.parametrize('unit', ['Pa', 'counts'])
 def test_a_wrench_is_published_where_the_force_is_valid(node, monkeypatch, unit):
-    """Of an edge along x, in Pa; and in counts, whose gain nobody knows: a place, and no force."""
+    """An edge along x in Pa has a force; in counts with unknown gain only a place."""
     contacts, wrenches = [], []
     monkeypatch.setattr(node._contact, 'publish', contacts.append)
     monkeypatch.setattr(node._wrench, 'publish', wrenches.append)

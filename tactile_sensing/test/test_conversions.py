@@ -1,4 +1,4 @@
-"""Core data to ROS messages and back."""
+"""Conversion of core data to ROS messages and back."""
 from dataclasses import replace
 
 import numpy as np
@@ -64,7 +64,7 @@ def contact(**values):
 def test_a_message_that_is_filled_again_is_as_a_new_one():
     one, other = image(), image()
     for layer in (*one.layers, *other.layers):
-        layer.stress[1, 2] = 0.0  # NaN is never equal
+        layer.stress[1, 2] = 0.0  # NaN is not equal to itself
     other = replace(other, layers=other.layers[:1], tared=False, sequence=5, saturated=0)
     filled = image_to_msg(one)
     for sent in (other, one):

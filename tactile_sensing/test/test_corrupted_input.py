@@ -29,7 +29,7 @@ noises = st.one_of(st.just(0.0), st.floats(0.0, 1e6), odd_numbers)
 
 @st.composite
 def garbage(draw):
-    """An image whose every part may be anything that its type can hold."""
+    """Return an image in which every field has a random value of its type."""
     shape = draw(npst.array_shapes(min_dims=2, max_dims=2, max_side=20))
     array = TactelArray(*shape, draw(lengths), draw(lengths))
     layers = tuple(Layer(
@@ -41,7 +41,7 @@ def garbage(draw):
 
 
 def check(contact):
-    """Return whether it is valid; then it has every value, and otherwise none."""
+    """Return whether a contact is valid; check that it has all values then, otherwise none."""
     names = PARAMETERS.get(contact.type, ())
     values = [getattr(contact, name) for name in names]
     if contact.valid:
@@ -70,10 +70,10 @@ def test_no_image_is_too_corrupt(method):
 @pytest.mark.parametrize('model', MODELS)
 def test_noise_of_any_kind_is_no_contact(method, model):
     """
-    Garbage that has a shape, but not that of a load, is refused.
+    Images of noise are refused.
 
-    But for one-sided noise with a heavy tail: three neighbours of six standard deviations
-    that are far from Gaussian look like a press of 16 dB in half a per cent of frames.
+    Exception: with one-sided noise with a heavy tail, in half a per cent of the frames three
+    neighbours of six standard deviations look like a press of 16 dB.
     """
     rng = np.random.default_rng(21)
     array = TactelArray(16, 16, 1.6e-3, 1.6e-3)
@@ -95,7 +95,7 @@ def test_noise_of_any_kind_is_no_contact(method, model):
 
 @pytest.mark.parametrize('method', METHODS)
 def test_a_corrupted_contact_is_close_or_refused(method):
-    """A real contact with faults at random: what is valid is where the contact is."""
+    """A real contact with random faults: a valid estimate is at the contact."""
     array, depth = TactelArray(20, 20, 1e-3, 1e-3), 2e-3
     rng = np.random.default_rng(22)
     frames, truth = [], []
@@ -117,7 +117,7 @@ def test_a_corrupted_contact_is_close_or_refused(method):
     valid = found['valid']
     assert valid.mean() > 0.2
     off = np.abs(found['x'] - truth[:, 0])[valid]
-    claimed = np.sqrt(found['covariance'][valid, 0, 0])  # the thesis' have a bias, and no claim
+    claimed = np.sqrt(found['covariance'][valid, 0, 0])  # NaN without a claim
     surprising = off > (np.maximum(5.0 * claimed, 0.5e-3) if method == 'fit' else 2e-3)
     assert surprising.mean() <= 0.007, np.flatnonzero(valid)[surprising]
 

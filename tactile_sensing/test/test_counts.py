@@ -1,4 +1,4 @@
-"""Counts of every converter: the arithmetic from raw counts to pressure and back to contacts."""
+"""Counts of all converters: from raw counts to pressure to contacts."""
 import numpy as np
 import pytest
 
@@ -15,7 +15,7 @@ from tactile_sensing.types.image import TactileImage
 
 ARRAY, DEPTH, COUNT = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002, 300
 NOISE = 0.01  # of the peak
-# Bits, signed, counts of the baseline, of the peak above it, and of a threshold (None: none).
+# Bits, signed; counts of the baseline, of the peak above it and of the threshold (or None).
 SENSORS = {
     'signed': (12, True, 0.0, 1000.0, None), 'offset': (10, False, 100.0, 800.0, None),
     'clipped': (10, False, 0.0, 800.0, None), 'clipped, 8 bits': (8, False, 0.0, 200.0, None),
@@ -25,7 +25,7 @@ SENSORS = {
 
 
 def loads(kind):
-    """Pictures (COUNT, rows, columns) of a peak of 1 Pa or so, and where the loads are."""
+    """Return images (COUNT, rows, columns) with a peak of about 1 Pa, and the loads' places."""
     rng = np.random.default_rng(5)
     if kind == 'line':
         place = rng.uniform((-6e-3, -0.6), (6e-3, 0.6), (COUNT, 2))
@@ -40,7 +40,7 @@ def loads(kind):
 
 
 def digitised(pressure, sensor):
-    """Raw counts of what `sensor` makes of pressure over that of the peak."""
+    """Return the raw counts of `sensor` for a pressure relative to the peak."""
     bits, signed, baseline, peak, threshold = sensor
     counts = np.rint(pressure * peak + baseline)
     low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
@@ -59,7 +59,7 @@ def estimated(frames, sensor, unloaded):
 
 @pytest.fixture(scope='module', params=['point', 'line'])
 def reference(request):
-    """A kind of load, and what signed counts of 16 bits, in effect real numbers, say of it."""
+    """A kind of load, and its estimates from 16-bit signed counts, in effect real numbers."""
     clean, place, noise = loads(request.param)
     unloaded = np.random.default_rng(6).standard_normal((100, *ARRAY.shape))
     found = estimated(clean + NOISE * noise, (16, True, 0.0, 30000.0, None), unloaded)
@@ -71,7 +71,7 @@ def rms(found, place, kind):
     claimed, offset = found['covariance'][good], place[good, 0]
     if kind == 'point':
         off, claimed = found['x'][good] - offset, claimed[:, 0, 0]
-    else:  # across the edge, at the place that is told
+    else:  # across the edge, at the estimated place
         yaw = place[good, 1]
         off = found['x'][good] * np.cos(yaw) + found['y'][good] * np.sin(yaw) - offset
         claimed = claimed[:, 0, 0] + claimed[:, 1, 1]
@@ -85,14 +85,14 @@ def test_every_converter_is_as_good_as_its_noise_allows(reference, name):
     found = estimated(frames, sensor, unloaded)
     error, valid, claims = rms(found, place, kind)
     best, best_valid, _ = rms(plain, place, kind)
-    # Rounding adds a variance of a twelfth of a count. Clipping at the mean leaves .82 of what an
-    # unloaded tactel tells (Tobin's information 1/2 + 1/pi). A threshold of 5 % of the peak leaves
-    # nothing of the flanks, which tell shear from place: that the claims say.
+    # Rounding adds a variance of 1/12 count^2. Clipping at the mean leaves .82 of the information
+    # of an unloaded tactel (Tobin: 1/2 + 1/pi). A threshold of 5 % of the peak hides the flanks,
+    # which separate shear from place: the claims include that.
     lost = (0.5 + 1.0 / np.pi)**-0.5 if name.startswith('clipped') else 1.0
     rounding = np.sqrt(1.0 + (1.0 / (NOISE * sensor[3]))**2 / 12.0)
     assert valid > best_valid - 0.02
     assert claims < 1.3
-    # The RMS of so many frames is known to 4 %.
+    # The RMS of this number of frames is known within 4 %.
     assert sensor[4] or error < 1.04 * 1.1 * rounding * best * lost
 
 
@@ -186,13 +186,13 @@ def test_a_pad_whose_noise_is_clipped_weighs_nothing():
     convert = calibration.converter(tare)
     pictures = np.array([convert(frame)[0].stress for frame in frames[count:]])
     np.testing.assert_allclose(pictures, calibration.stress(frames[count:], tare), atol=1e-4)
-    # In the mean over frames a tactel is off by chance, in the tare and since.
+    # The mean of a tactel over frames varies by chance, in the tare and afterwards.
     by_chance = noise * np.sqrt(2.0 / count / ARRAY.rows / ARRAY.columns)
     assert abs(pictures.mean()) < 5.0 * by_chance
 
 
 def test_readings_that_are_no_noise_weigh_what_they_say():
-    """Raw counts of a foil that cuts off weak pressure: its pattern is not the noise of zeros."""
+    """Raw counts of a foil that hides weak pressure: its pattern is not the noise of zeros."""
     array = TactelArray(28, 28, 1.27e-3, 1.27e-3)
     calibration = Calibration.uncalibrated(28, 28, 1.27e-3)
     counts = np.zeros(array.shape)
@@ -201,4 +201,4 @@ def test_readings_that_are_no_noise_weigh_what_they_say():
     contact = ContactEstimator().estimate(
         TactileImage(0, 0, (layer,), array, tared=False, saturated=saturated))
     assert contact.moments.m0 == pytest.approx(counts.sum() * 1.27e-3**2)
-    assert contact.type == ContactType.OTHER and contact.reasons & Reason.BAD_FIT  # not: untouched
+    assert contact.type == ContactType.OTHER and contact.reasons & Reason.BAD_FIT  # not NO_CONTACT

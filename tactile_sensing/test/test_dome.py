@@ -21,12 +21,12 @@ STATES = [(0.0, 0.0, 5.0, 0.3, -0.2), (3e-3, -2e-3, 5.0, 0.0, 0.0)]
 
 @pytest.fixture(scope='module')
 def model():
-    """Dome of coarse elements."""
+    """Return a dome with coarse elements."""
     return FiniteElementDome(DOME, ARRAY, solve(DOME, COARSE, ARRAY))
 
 
 def force_and_centroid(image):
-    """Force on the array [N] and where it presses [m]."""
+    """Return the force on the array [N] and its centroid [m]."""
     pressure = image[0]
     return (pressure.sum() * PITCH**2, pressure.sum(axis=0) @ ARRAY.x / pressure.sum(),
             pressure.sum(axis=1) @ ARRAY.y / pressure.sum())
@@ -47,7 +47,7 @@ def test_contact_frames(place):
     axes = contact_frame(DOME, *place)
     assert axes @ axes.T == pytest.approx(np.eye(3)) and np.linalg.det(axes) > 0.0
     assert axes[2] == pytest.approx(DOME.direction(place))
-    # Turned the shortest way: about an axis in the sensor's plane, which it leaves where it is.
+    # The smallest rotation is about an axis in the sensor's xy plane, which stays unchanged.
     across = np.array([-place[1], place[0], 0.0])
     assert axes @ across == pytest.approx(across, abs=1e-12)
 
@@ -61,8 +61,8 @@ def test_a_large_sphere_is_a_plane():
 
 
 def test_elements_keep_the_balance_of_forces(model):
-    # What presses the skin arrives at the tactels, but for what spreads beyond the array and
-    # what the glued skin carries sideways as shear: a tenth.
+    # The force on the skin arrives at the tactels, except a tenth: a part spreads beyond the
+    # array, and the bonded skin carries a part sideways as shear.
     for p in (1.0, 5.0):
         force, x, y = force_and_centroid(model.image(np.array([0.0, 0.0, p, 0.0, 0.0])))
         assert force == pytest.approx(p, rel=0.15) and (x, y) == pytest.approx((0, 0), abs=1e-9)
@@ -86,7 +86,7 @@ def test_elements_are_linear_and_symmetric(model):
 
 
 def test_shear_moves_what_is_felt_to_where_it_pulls(model):
-    # On a half-space the centroid moves by Q d / P (2.2); less on a skin that is glued down.
+    # On a half-space the centroid moves by Q d / P (2.2); on a bonded skin it moves less.
     _, x, _ = force_and_centroid(model.image(np.array([0.0, 0.0, 5.0, 2.0, 0.0])))
     assert 0.05e-3 < x < 0.8e-3
 
@@ -98,7 +98,7 @@ def test_finer_elements_agree(model):
     assert force_and_centroid(model.image(state)) == pytest.approx(
         force_and_centroid(fine.image(state)), rel=0.06)
     assert model.operator.modulus == pytest.approx(fine.operator.modulus, rel=0.02)
-    # of the glued layer: above that of free rubber, below that of rubber without escape
+    # of the bonded layer: between uniaxial (free) and confined compression of rubber
     free, confined = SkinConfig().young / 4e-3, SkinConfig().young * 3.8 / 4e-3
     assert free < fine.operator.modulus < confined
 

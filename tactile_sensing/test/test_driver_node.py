@@ -35,19 +35,19 @@ def unloaded(value=BASELINE):
 
 
 class Device(Terminal):
-    """A sensor that runs free."""
+    """A sensor that sends continuously."""
 
     def plug_in(self):
         super().plug_in()
         self.write(MARKER)
 
     def send(self, counts):
-        """Send one picture and, as a free-running device does, the next marker at once."""
+        """Send one image and, like a free-running device, directly the next marker."""
         self.write(encode_payload(counts) + MARKER)
 
 
 class Graph(Bench):
-    """A driver of a device."""
+    """A driver with its device."""
 
     def __init__(self, device, calibration=CALIBRATION, **parameters):
         self.device = device
@@ -58,14 +58,14 @@ class Graph(Bench):
         self.until(lambda: self.node.count_publishers('image') == 1
                    and self.driver.count_subscribers('image') == 1
                    and self.tare_client.service_is_ready(), 'discovery')
-        # Matched is not yet connected: send until pictures come through in lock.
+        # Matched is not yet connected: send until images arrive in lock.
         self.stream(unloaded(), lambda: len(self.images) >= 3)
         self.device.send(unloaded(99))
         self.until(lambda: self.images[-1].layers[0].stress[0] == 99 - BASELINE, 'the last one')
         self.images.clear()
 
     def stream(self, counts, condition):
-        """Send one picture again and again until a condition holds."""
+        """Send one image repeatedly until a condition holds."""
         self.until(condition, 'what is awaited', lambda: self.device.send(counts))
 
     def tare(self):
@@ -238,7 +238,7 @@ def test_wrong_parameters(parameters, reason):
 
 
 PROGRAM = 'import sys; from tactile_sensing.nodes.driver import main; sys.exit(main())'
-# Reads of the port do not return, as of a device whose kernel driver hangs.
+# Reads of the port do not return, like those of a device with a hanging kernel driver.
 HANGING = f"""
 import sys, threading
 from tactile_sensing.devices.serial_port import SensorPort

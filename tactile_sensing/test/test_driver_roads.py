@@ -1,4 +1,4 @@
-"""Other roads than a port: topics, images of one's own; states that a manager asks for."""
+"""Driver without a port: topics, the user's own images; lifecycle transitions."""
 from pathlib import Path
 import re
 import signal
@@ -31,7 +31,7 @@ CALIBRATION = Calibration.uncalibrated(*SHAPE, 0.002, bits=10, resolution=0.5)
 
 
 def hearing(**parameters):
-    """Bench of a driver that hears a topic."""
+    """Return the bench of a driver that reads a topic."""
     return Bench(CALIBRATION, topic='raw', **parameters)
 
 
@@ -43,7 +43,7 @@ VALUES = np.arange(12).reshape(SHAPE) * 10
      1.0),
     (Image(height=3, width=4, encoding='mono16', step=8, data=VALUES.astype('<u2').tobytes()),
      1.0),
-    # Floats are in the unit of `resolution`: 0.5 of it a count.
+    # Floats are in the unit of `resolution`: 0.5 is one count.
     (Image(height=3, width=4, encoding='32FC1', step=16, data=VALUES.astype('<f4').tobytes()),
      2.0),
     (UInt16MultiArray(data=VALUES.ravel().tolist()), 1.0),
@@ -132,14 +132,14 @@ PAGE = (Path(__file__).parents[2] / 'docs/array.md').read_text('utf-8')
 
 
 def block(kind, words):
-    """Give the block of code of the page that has these words."""
+    """Return the code block of the page that contains these words."""
     blocks = re.findall(rf'^ *```{kind}\n(.*?)^ *```$', PAGE, re.M | re.S)
     found, = (text for text in blocks if words in text)
     return found
 
 
 def test_images_of_ones_own_are_estimated(tmp_path):
-    """The publisher of the page: 5 N at (1, -2) mm."""
+    """The publisher of the page sends 5 N at (1, -2) mm."""
     program = block('python', 'my_sensor')
     assert program.index('if __name__') > 0
     (tmp_path / 'mine.py').write_text(program)
@@ -157,7 +157,7 @@ def test_images_of_ones_own_are_estimated(tmp_path):
     finally:
         child.send_signal(signal.SIGINT)
         child.wait(DEADLINE)
-        end = time.monotonic() + 1.0  # nobody may leave while this node is destroyed
+        end = time.monotonic() + 1.0  # no participant may leave while this node is destroyed
         runner.spin(executor, context, lambda: time.monotonic() > end)
         executor.shutdown()
         node.destroy_node()

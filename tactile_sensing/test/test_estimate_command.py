@@ -1,4 +1,4 @@
-"""Command `estimate`: what it writes, every way to get it wrong, and flat memory."""
+"""Command `estimate`: its output, wrong input of every kind, constant memory."""
 import re
 import tracemalloc
 import zipfile
@@ -21,14 +21,14 @@ ARRAY = TactelArray(ROWS, COLUMNS, PITCH, PITCH)
 NOISE = 0.01 * line.peak_pressure(FORCE, DEPTH)
 OPTIONS = ['--pitch', '0.001', '--layers', 'zz@0.002']
 
-# The arrays of an output file: other people's scripts read them.
+# The arrays of an output file are an interface: users' scripts read them.
 OUTPUT = ['type', 'valid', 'force_valid', 'reasons', 'x', 'y', 'yaw', 'normal_force',
           'shear_force_x', 'shear_force_y', 'line_force', 'patch', 'start', 'end', 'covariance',
           'snr', 'residual', 'iterations', 'moments']
 
 
 def edges(count, seed=1, depth=DEPTH):
-    """Edges across the pad, shape (count, rows, columns), and where they lie [m]."""
+    """Return edges across the pad, shape (count, rows, columns), and their places [m]."""
     rng = np.random.default_rng(seed)
     a = rng.uniform(-4e-3, 4e-3, count)
     frames = np.array([line.pressure(

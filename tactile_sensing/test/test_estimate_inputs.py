@@ -1,4 +1,4 @@
-"""Command `estimate` on what people have: counts, volts, tables, flat arrays, no skin at all."""
+"""Command `estimate` on other input: counts, volts, tables, flat arrays, unknown skin."""
 import numpy as np
 import pytest
 
@@ -19,7 +19,7 @@ BASELINE, GAIN = 50.0, PEAK / 600.0  # counts, Pa per count: of ten bits
 
 
 def edges(count=4):
-    """Pressure of edges along y, shape (count, rows, columns) [Pa], with noise."""
+    """Return the pressure of edges along y, shape (count, rows, columns) [Pa], with noise."""
     rng = np.random.default_rng(1)
     frames = np.array([line.pressure(ARRAY.x[None, :], ARRAY.y[:, None], rho, 0.0, FORCE, DEPTH)
                        for rho in rng.uniform(-4e-3, 4e-3, count)])
@@ -38,7 +38,7 @@ def there(tmp_path, monkeypatch):
 
 @pytest.fixture
 def run(capsys, monkeypatch):
-    """Run the command; returns its records, or the line that says what is wrong."""
+    """Run the command; return its records, or the line of its error."""
     monkeypatch.setattr(estimate, 'QUIET', 1e9)
 
     def run(*args):
@@ -187,7 +187,7 @@ def test_saturated_counts_are_no_dead_tactels(run):
     frames = np.minimum(counts(1.9 * edges(1)), 1023)
     assert 0 < (frames == 1023).sum() < 40
     np.savez('in.npz', frames=frames)
-    for more in ([], ['--full-scale', f'{3.0 * PEAK}']):  # more than the readings reach
+    for more in ([], ['--full-scale', f'{3.0 * PEAK}']):  # above all readings
         told = run('in.npz', *calibrate(), *more)['reasons']
         assert told & Reason.SATURATED and not told & Reason.DEAD_TACTELS
         options = estimate_options.parse(['in.npz', *calibrate(), *more, '-o', 'out.npz'])

@@ -1,4 +1,4 @@
-"""Estimator: at the noise limit where it answers, honest where it does not."""
+"""Estimator: valid estimates are at the noise limit, other images are refused."""
 
 import numpy as np
 import pytest
@@ -78,8 +78,8 @@ def test_covariance_is_the_spread_of_the_estimates(share):
                                  for c in contacts], axis=0))
     ratio = values.std(axis=0) / claimed
     yaw, *forces = ratio[1:]
-    assert 0.7 < yaw < 1.1  # gains that nobody told may scatter
-    assert 0.25 < min(forces) and max(forces) < 1.1  # a patch may hide, and is not there
+    assert 0.7 < yaw < 1.1  # the scatter of the gains is unknown
+    assert 0.25 < min(forces) and max(forces) < 1.1  # a patch is possible, but there is none
     if share:
         assert ratio[0] == pytest.approx(0.9, abs=0.2)
         shear = np.array([[c.shear_force_x, c.shear_force_y] for c in contacts])
@@ -137,7 +137,7 @@ def test_moments_baseline_is_worse_than_the_fit_but_sane():
 
 @pytest.mark.parametrize('degrees', [-89.9, -75, -45, 0, 30, 60, 80, 85, 89, 90])
 def test_all_directions_are_alike(degrees):
-    """An edge turned with its place: found as well whichever way it lies; 90 is told as such."""
+    """An edge is found equally well in all directions; a yaw of 90 degrees stays 90."""
     rng, yaw, errors = np.random.default_rng(21), np.radians(degrees), []
     across, along = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
     for offset in np.linspace(-6e-3, 6e-3, 40):
@@ -149,7 +149,7 @@ def test_all_directions_are_alike(degrees):
         place = np.array([contact.x, contact.y])
         claimed = contact.covariance[:2, :2]
         errors.append((across @ place - offset) / np.sqrt(across @ claimed @ across))
-        # On the pad, at the middle of the chord; the claim is across the edge only.
+        # The place is the middle of the chord; the claim is across the edge only.
         assert (np.abs(place) < ARRAY.half_width_x).all()
         ends = [[(at - offset * n) / t for at in (-ARRAY.half_width_x, ARRAY.half_width_x)]
                 for n, t in zip(across, along, strict=True) if abs(t) > 1e-6]
@@ -268,7 +268,7 @@ def test_unknown_noise_of_small_pads_and_slanting_edges(side, yaw, decibels):
 
 @pytest.mark.parametrize('side', [5, 8, 16])
 def test_what_is_taken_for_noise_hides_no_wrong_load(side):
-    """Of a ring, which is neither point nor edge: told the noise, and not, it is refused."""
+    """A ring, which is neither point nor edge, is refused with known and unknown noise."""
     rng, array = np.random.default_rng(13), TactelArray(side, side, 1e-3, 1e-3)
     distance = np.hypot(array.x, array.y[:, None]) - 0.3e-3 * side
     ring = np.exp(-0.5 * (distance / 0.6e-3) ** 2)
@@ -280,7 +280,7 @@ def test_what_is_taken_for_noise_hides_no_wrong_load(side):
 
 @pytest.mark.parametrize('method', ['fit', 'compensated'])
 def test_without_a_gain_the_place_is_told_and_no_force(method):
-    """The picture in units of 37 Pa, which nobody knows: the place is the same to rounding."""
+    """The image is in an unknown unit of 37 Pa: the place is the same within rounding."""
     picture, unit = noisy(edge(0.002, 0.2), np.random.default_rng(14)), 37.0
     one, other = (estimate(picture / scale, noise=NOISE / scale, unit=name, method=method)
                   for scale, name in ((1.0, 'Pa'), (unit, 'counts')))

@@ -1,4 +1,4 @@
-"""The FlexiTac codec beside what every protocol does: garbage, losses, mimicry, bait."""
+"""FlexiTac decoder, besides the tests of all protocols: garbage, losses, mimics, bait."""
 import sys
 
 from hypothesis import given, settings
@@ -21,7 +21,7 @@ PERIOD = len(MARKER) + SIZE
 
 
 def picture(value):
-    """Give a picture without markers, different for every value below 100."""
+    """Return an image without markers, different for every value below 100."""
     return (np.arange(SIZE, dtype=np.uint8) + value).reshape(ROWS, COLUMNS) % 128
 
 
@@ -91,8 +91,8 @@ def test_garbage(garbage, chunk, place):
     at = {'before': 0, 'between': 3 * PERIOD, 'inside': 2 * PERIOD + 6, 'after': len(STREAM)}
     stream = STREAM[:at[place]] + garbage + STREAM[at[place]:]
     decoder, events = decode(stream[k:k + chunk] for k in range(0, len(stream), chunk))
-    # Garbage between two frames hides the marker that would have confirmed the first of them;
-    # garbage that is a marker's beginning or end leaves the stream as it was.
+    # Garbage between two frames hides the marker that confirms the first frame. Garbage that is
+    # the begin or end of a marker does not change the stream.
     lost = {'before': [], 'between': [2], 'inside': [2], 'after': []}[place]
     if place == 'between' and garbage.startswith(MARKER):
         lost = []
@@ -109,8 +109,8 @@ def test_lost_bytes(at, missing):
     stream = STREAM[:at] + STREAM[at + missing:-len(MARKER)] + STREAM
     _, events = decode([stream[:70], stream[70:]])
     whole = as_lists(PICTURES)
-    # Nothing but what was sent comes out, unless a loss of whole periods joins two halves:
-    # without a checksum nobody can tell.
+    # Only frames that were sent are returned, unless a loss of whole periods joins two halves,
+    # which cannot be detected without a checksum.
     if missing % PERIOD:
         assert all(counts in whole for counts in pictures_of(events))
     assert pictures_of(events)[:2] == whole[:2]
@@ -121,7 +121,7 @@ def test_lost_bytes(at, missing):
 
 @pytest.mark.parametrize('offset', range(SIZE - 1))
 def test_marker_in_every_payload_at_one_place(offset):
-    """The worst case: a picture that holds the marker and hardly moves."""
+    """The worst case: an image that contains the marker and hardly changes."""
     pictures = []
     for k in range(AMBIGUOUS_PERIODS + 4):
         counts = picture(k).ravel()
@@ -129,7 +129,7 @@ def test_marker_in_every_payload_at_one_place(offset):
         pictures.append(counts.reshape(ROWS, COLUMNS))
     stream = b''.join(map(encode_frame, pictures)) + MARKER
     assert pictures_of(decode([stream])[1]) == as_lists(pictures)
-    # Joined in the middle of a frame the mimic comes first; noise unmasks it.
+    # If reading starts within a frame, the mimic comes first; noise reveals it.
     pictures[AMBIGUOUS_PERIODS - 2].ravel()[offset] ^= 1
     stream = b''.join(map(encode_frame, pictures)) + MARKER
     _, events = decode(stream[k:k + 1] for k in range(2, len(stream)))
@@ -147,12 +147,12 @@ def test_payload_of_nothing_but_markers(rows, columns):
 
 
 def test_mimic_of_a_boundary_at_the_right_distance():
-    """After a loss a payload with markers in the right distance must not start a frame."""
+    """After a loss, a payload with markers at the right distance must not start a frame."""
     mimic = picture(0).ravel()
     mimic[4:6] = tuple(MARKER)
     clean = [picture(k) for k in range(1, 6)]
     first = encode_frame(mimic.reshape(ROWS, COLUMNS))
-    # Two mimics in a row confirm one period, which is not enough for a lock.
+    # Two consecutive mimics confirm one period, which is not sufficient for a lock.
     stream = STREAM[:3 * PERIOD] + b'\x01' + first + first
     stream += b''.join(map(encode_frame, clean)) + MARKER
     expected = as_lists(PICTURES[:2] + [mimic.reshape(ROWS, COLUMNS)] * 2 + clean)
@@ -187,7 +187,7 @@ def test_no_byte_is_unaccounted_for(garbage, cut):
 
 
 def test_random_bytes_make_no_frame():
-    """What 2 Mbaud carry in 5 s: no frame, no growing buffer, then a clean start."""
+    """Random bytes of 5 s at 2 Mbaud: no frame, no growing buffer, then a clean start."""
     rng = np.random.default_rng(1)
     decoder = FlexiTacDecoder(16, 16)
     for _ in range(250):
@@ -215,7 +215,7 @@ def test_the_size_of_other_frames_is_told():
 
 
 def stuck(rng, place, count, shape=(16, 16), smooth=True):
-    """Give pictures that two tactels stuck at the marker mimic; others are noise or at random."""
+    """Return images in which two stuck tactels mimic the marker; others are noise or random."""
     low, high = (8, 13) if smooth else (0, 256)
     frames = rng.integers(low, high, (count, *shape), np.uint8)
     frames.reshape(count, -1)[:, place:place + 2] = tuple(MARKER)
@@ -225,9 +225,9 @@ def stuck(rng, place, count, shape=(16, 16), smooth=True):
 @pytest.mark.parametrize('smooth', [True, False], ids=['free pad', 'anything'])
 @pytest.mark.parametrize('place', [0, 17, 100, 127, 200, 254])
 def test_tactels_stuck_at_the_marker_and_lost_bytes(place, smooth):
-    """No picture is out of phase, and few are lost: the frames before tell where one starts."""
+    """No image is out of phase, and few are lost, because earlier frames show the start."""
     rng = np.random.default_rng(place)
-    # At 127 half a period off both phases look alike, and the nearer one is taken.
+    # At 127, half a period, both phases look alike, and the nearer one is chosen.
     most = 100 if place == 127 else 250
     frames = stuck(rng, place, 600, smooth=smooth)
     stream = bytearray(b''.join(map(encode_frame, frames)) + MARKER)
@@ -263,7 +263,7 @@ def test_a_loss_that_brings_the_mimic_to_the_marker_ends_the_lock(place):
 
 
 def test_pauses_tell_where_a_frame_starts():
-    """Joined in the middle, two tactels stuck from the start: reads end where a device pauses."""
+    """Two tactels are stuck from the start: the ends of reads show where a device pauses."""
     frames = stuck(np.random.default_rng(4), 100, 40)
     first = encode_payload(frames[0])[50:] + MARKER
     _, events = decode([first, *map(FlexiTacDevice().encode, frames[1:])], 16, 16)
@@ -271,7 +271,7 @@ def test_pauses_tell_where_a_frame_starts():
 
 
 def bait(kind, period, rng):
-    """Give twenty thousand bytes that look like frames again and again, and are none."""
+    """Return twenty thousand bytes that repeatedly look like frames, but are not."""
     size = 20_000
     if kind == 'markers':
         return (MARKER * size)[:size]
@@ -279,7 +279,7 @@ def bait(kind, period, rng):
         return MARKER[:1] * size
     data = bytearray(rng.integers(0, 256, size, np.uint8).tobytes())
     for start in range(0, size - 12 * period, 12 * period + 5):
-        # Runs of markers everywhere that break one period before they would be believed.
+        # Runs of markers everywhere that break one period before they would be accepted.
         for place in range(0, period - 1, 2 if kind == 'runs' else 9):
             for k in range({'runs': 2, 'long runs': 7}[kind]):
                 data[start + k * period + place:start + k * period + place + 2] = MARKER
@@ -287,7 +287,7 @@ def bait(kind, period, rng):
 
 
 def calls(function):
-    """Count the calls of functions, of Python's own as well, that a function makes."""
+    """Count the function calls, including built-in functions, that a function makes."""
     count = 0
 
     def step(_, event, __):
@@ -310,6 +310,6 @@ def test_bait_costs_no_more_per_byte_however_long_a_frame_is(kind, chunk):
         data = bait(kind, 2 + rows * columns, np.random.default_rng(5))
         pieces = [data[k:k + chunk] for k in range(0, len(data), chunk)]
         costs.append(calls(lambda p=pieces, r=rows, c=columns: decode(p, r, c)) / len(data))
-    # Six calls a byte are the test's own when it hands over single bytes.
+    # Six calls per byte are those of the test, which passes single bytes.
     assert max(costs) < 30.0
     assert costs[1] < 1.3 * costs[0] + 1.0

@@ -1,4 +1,4 @@
-"""Times of frames by the reads that brought them: stalls, bursts, floods; no clock is asked."""
+"""Stamps of frames from the times of reads: stalls, bursts, floods; no clock is read."""
 import numpy as np
 import pytest
 
@@ -25,7 +25,7 @@ def picture(value):
 
 @pytest.fixture
 def clock():
-    """Give a clock in lock, the last frame at NOON."""
+    """Return a clock in lock, with the last frame at NOON."""
     clock = FrameClock(FlexiTacDecoder(*SHAPE), RATE)
     clock.receive(MARKER, NOON - 21 * PERIOD)
     for k in range(21):
@@ -71,7 +71,7 @@ def test_a_pause_between_frames_is_no_stall(clock):
 
 
 def test_a_reader_that_comes_late_is_no_stall_of_the_sensor(clock):
-    """The rest of a frame is read with the frames that came meanwhile."""
+    """The rest of a frame is read together with the frames that arrived meanwhile."""
     data = b''.join(encode_next(picture(k)) for k in range(13))
     clock.receive(data[:7], NOON + PERIOD)
     got = clock.receive(data[7:], NOON + 13 * PERIOD)
@@ -81,7 +81,7 @@ def test_a_reader_that_comes_late_is_no_stall_of_the_sensor(clock):
 
 
 def test_a_slow_line_is_not_a_stall():
-    """Its bytes come one by one over the whole period: the age is that of the last byte."""
+    """Bytes arrive one by one over the whole period: the stamp is that of the last byte."""
     clock, got = FrameClock(FlexiTacDecoder(*SHAPE), RATE), []
     for k, byte in enumerate(MARKER + b''.join(encode_next(picture(n)) for n in range(200))):
         got += clock.receive(bytes([byte]), NOON + k * PERIOD // 22)
@@ -92,7 +92,7 @@ def test_a_slow_line_is_not_a_stall():
 
 @pytest.mark.parametrize('per_read', [1, 40])
 def test_a_flood_is_thinned(clock, per_read):
-    """8,300 pictures a second, of a sensor of 200 Hz."""
+    """A sensor of 200 Hz sends 8,300 images per second."""
     got, total = 0, 8300
     for k in range(0, total, per_read):
         data = b''.join(encode_next(picture(n)) for n in range(k, k + per_read))
@@ -139,7 +139,7 @@ def test_a_new_start_forgets_half_a_frame(clock):
 
 
 def test_frames_that_waited_while_newer_ones_were_lost_are_old(clock):
-    """A reader comes 0.5 s late; the port has kept the first 16 frames and lost what followed."""
+    """A reader is 0.5 s late; the port has kept the first 16 frames and lost the others."""
     data = b''.join(encode_next(picture(k)) for k in range(16))
     got = clock.receive(data, NOON + 100 * PERIOD, NOON)
     assert [frame.stamp_ns - NOON for frame in got] == [PERIOD * k for k in range(1, 17)]
@@ -157,11 +157,11 @@ def test_frames_that_waited_and_are_all_there_have_their_time(clock):
 
 
 def received(jitter, drift=50e-6, seconds=14.0, stamp='', step=0, lost=()):
-    """Times of a sensor's frames, and the stamps that the clock gives them [s]."""
+    """Return the times of a sensor's frames, and their stamps by the clock [s]."""
     rng = np.random.default_rng(6)
     count = round(seconds * RATE)
     sent = (np.arange(count) / RATE * (1.0 + drift)
-            + (0.001 * rng.random(count) if stamp else 0.0))  # a device that is not so even
+            + (0.001 * rng.random(count) if stamp else 0.0))  # a device with irregular frames
     sent[count // 2:] += step
     device, clock = CsvDevice(stamp), FrameClock(CsvDecoder(*SHAPE, stamp=stamp), RATE)
     clock.receive(b'\n', NOON)
@@ -181,7 +181,7 @@ def received(jitter, drift=50e-6, seconds=14.0, stamp='', step=0, lost=()):
     lambda rng: 0.002 * rng.random(), lambda rng: abs(rng.normal(0.0, 0.002)),
     lambda rng: rng.exponential(0.002)], ids=['uniform', 'normal', 'exponential'])
 def test_stamps_are_without_the_jitter_of_the_reception(jitter, stamp):
-    """At 200 Hz, 2 ms of it, and a clock that is off by 50 ppm: .3 ms RMS after 5 s."""
+    """At 200 Hz, with 2 ms of jitter and a clock error of 50 ppm: .3 ms RMS after 5 s."""
     sent, stamps = received(jitter, stamp=stamp)
     off = (stamps - sent)[round(5.0 * RATE):]
     assert np.sqrt(np.mean(off**2)) < 0.3e-3
@@ -239,7 +239,7 @@ def test_a_device_whose_clock_is_nonsense_gets_times_of_arrival_or_shortly_befor
 
 
 def test_a_clock_of_the_machine_that_stands_still_costs_no_memory():
-    """As simulated time that is paused."""
+    """For example simulated time that is paused."""
     clock = FrameClock(CsvDecoder(1, 1, stamp='ms'))
     clock.receive(b'\n', NOON)
     for k in range(25_000):

@@ -1,4 +1,4 @@
-"""Commands on frames of `.npy` files and bags: what they tell is what an archive or node tells."""
+"""Commands give the same for `.npy` files and bags as for an archive or a node."""
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
@@ -28,7 +28,7 @@ def there(tmp_path, monkeypatch):
 
 
 def pressures(count):
-    """Edges across the pad, then one unloaded frame (count, rows, columns) [Pa]."""
+    """Return edges across the pad, then one unloaded frame (count, rows, columns) [Pa]."""
     rng = np.random.default_rng(1)
     frames = [line.pressure(ARRAY.x[None, :], ARRAY.y[:, None], rho, 0.0, FORCE, DEPTH)
               for rho in rng.uniform(-3e-3, 3e-3, count - 1)]
@@ -41,20 +41,20 @@ def counts(frames):
 
 
 def pictures(frames, *, tared=True, array=ARRAY, **layer):
-    """Pictures of frames, stamped from 5 s on at 100 Hz."""
+    """Return images of frames, with stamps from 5 s on at 100 Hz."""
     return [TactileImage(5_000_000_000 + 10_000_000 * k, k,
                          (Layer('zz', DEPTH, frame.astype(np.float32), **layer),), array, tared)
             for k, frame in enumerate(frames)]
 
 
 def received(image):
-    """Picture as a node has it, of single precision."""
+    """Return an image as a node receives it, in single precision."""
     return image_from_msg(deserialize_message(
         serialize_message(image_to_msg(image)), TactileImageMsg))
 
 
 def write_bag(path, **sensors):
-    """Write pictures of sensors by their names."""
+    """Write a bag with images of sensors, by name."""
     with rosbag2.Writer(path, version=9) as writer:
         for name, images in sensors.items():
             messages = [image_to_msg(image) for image in images]
@@ -134,7 +134,7 @@ def test_arrays_that_differ_are_refused(there, capsys):
 
 def test_raw_counts_of_a_bag_are_calibrated(there, capsys):
     frames = counts(pressures(8))
-    frames[2, 3, 4] = 1023  # full scale, which a driver marks by NaN
+    frames[2, 3, 4] = 1023  # full scale, which a driver replaces by NaN
     unloaded = counts(np.random.default_rng(2).normal(0.0, 300.0, (100, *ARRAY.shape)))
     np.savez('frames.npz', frames=frames)
     np.save('unloaded.npy', unloaded)
@@ -146,7 +146,7 @@ def test_raw_counts_of_a_bag_are_calibrated(there, capsys):
     with_tare = run('frames.npz', '--calibration', 'pad.yaml', '--tare', 'unloaded.npy')
     assert with_tare['valid'].sum() == 7
     same(run('run', '--calibration', 'pad.yaml', '--tare', 'rest'), with_tare)
-    # The full scale in the images tells the bits, which unloaded frames do not show.
+    # The bits follow from the full scale in the images; unloaded frames do not show them.
     assert calibrate.main(['--out', 'own.yaml', '--pitch', '0.001', '--unloaded', 'rest']) == 0
     assert load_calibration('own.yaml').bits == 10
     write_bag('told', pad=pictures(pressures(2)))

@@ -1,4 +1,4 @@
-"""Recorded observations: every kind comes back in the order of reception, or is refused."""
+"""Recorded observations: all kinds are read in the order of reception, or refused."""
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ POSE = np.array([[0.0, -1.0, 0.0, 0.1], [1.0, 0.0, 0.0, 0.2], [0.0, 0.0, 1.0, 0.
 
 
 def messages():
-    """One message of each kind, by its topic, in the order of reception."""
+    """Return one message of each kind, by topic, in the order of reception."""
     image = image_to_msg(IMAGE)
     pose = PoseStamped(pose=pose_to_msg(POSE))
     pose.header.stamp = stamp_from_ns(99)

@@ -1,4 +1,4 @@
-"""A load beside the rim that drives tactels to full scale shows one flank, and claims no more."""
+"""A saturating load near the rim shows only one flank; the claimed error must include that."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ HALF = 2.5e-3  # m, of the patch of a cylinder (Hertz)
 
 
 def cylinders(offset, along_x):
-    """Images of a cylinder on a half-space, of full scale 1 and a peak of 2; and their yaws."""
+    """Return images of a cylinder on a half-space, full scale 1, peak 2; and their yaws."""
     across = HALF * np.linspace(-0.95, 0.95, 39)
     shares = np.sqrt(1.0 - (across / HALF)**2)
     yaws = np.radians(np.linspace(-2.0, 2.0, 9)) + 0.5 * np.pi * along_x
@@ -27,7 +27,7 @@ def cylinders(offset, along_x):
 
 
 def found(offset, along_x, depth):
-    """Errors and claims (N,) across the line [m], of the answers that are valid."""
+    """Return errors and claims (N,) across the line [m], of valid estimates."""
     images, yaws = cylinders(offset, along_x)
     records = ContactEstimator().estimate_batch(images, ARRAY, [Layer(
         'zz', depth, np.empty(0), full_scale=1.0, noise_std=NOISE)])

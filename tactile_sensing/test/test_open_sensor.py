@@ -14,13 +14,13 @@ from tactile_sensing import open_sensor
 from tactile_sensing.devices import serial_port, stream
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 
-pytestmark = pytest.mark.graph  # in real time: no other test beside it
+pytestmark = pytest.mark.graph  # real time: must not run in parallel with other tests
 RATE = 100.0
 DEADLINE = 20.0  # s
 
 
 class Array(Terminal):
-    """A device that sends frames, numbered in their first tactel, and hears commands."""
+    """A device that sends frames, numbered in their first tactel, and receives commands."""
 
     def __init__(self, link, protocol='csv_lines', rate=RATE):
         row = protocol_named(protocol)
@@ -95,7 +95,7 @@ def test_a_device_is_started_and_stopped(plug):
 
 
 def test_a_device_that_restarts_is_asked_again(plug, monkeypatch):
-    """As one that needs seconds after power-up, or was switched off behind its adapter."""
+    """A device may need seconds after power-up, or be switched off without its adapter."""
     monkeypatch.setattr(stream, 'ASK_AGAIN', 0.1)
     array = plug('robotiq_tsf85')
     with open_sensor(str(array.link), 'robotiq_tsf85', 7, 4, RATE) as sensor:
@@ -103,11 +103,11 @@ def test_a_device_that_restarts_is_asked_again(plug, monkeypatch):
         array.device.running = False
         for _ in range(30):
             next(sensor)
-    assert array.sent >= 30  # it is counted once it is sent
+    assert array.sent >= 30  # it is counted after it is sent
 
 
 def test_fifty_unplugs(plug, caplog):
-    """Back within two seconds, without a thread or a descriptor more; one line a change."""
+    """Recovers within two seconds without leaking threads or descriptors; one line per change."""
     array, waits = plug('csv_lines'), []
     caplog.set_level(logging.INFO, 'tactile_sensing')
     with open_sensor(str(array.link), rows=4, columns=6, rate=RATE) as sensor:

@@ -55,7 +55,7 @@ def random_loads(count, reach, seed, least_shear=0.1):
 
 
 def errors(estimate, load):
-    """Of the point [m] and of the forces as a fraction of P."""
+    """Return the errors of the point [m] and of the forces as a fraction of P."""
     difference = parameters(estimate) - load
     return np.hypot(*difference[:2]), np.abs(difference[2:]).max() / load[2]
 
@@ -114,7 +114,7 @@ def test_compensation_factors_of_the_thesis_sensor():
     assert compensation_factors(0.013, DEPTH)[1] == pytest.approx(0.80, abs=0.005)
     assert compensation_factors(0.013, DEEPER)[1] == pytest.approx(0.61, abs=0.005)
     assert compensation_factors(1e6, DEPTH) == pytest.approx((1.0, 1.0), abs=1e-6)
-    # Where it is divided by them, as in print, a step overshoots: more than twice here.
+    # With division by the factors, as in print, a step overshoots: here more than twice.
     k0, k1 = compensation_factors(0.004, DEPTH)
     assert k0 / k1 > 2.0
 
@@ -134,7 +134,7 @@ def test_compensated_converges_and_beats_basic_near_the_centre(structure, averag
     position, force = np.max(of_compensated, axis=0)
     assert position < 0.05e-3
     assert force < 0.04
-    # With both shear layers the basic point is exact on any window; no iteration helps.
+    # With both shear layers the basic point is exact on any window; iteration does not help.
     if structure != 'normal, xz and yz':
         assert np.median(of_compensated, axis=0)[0] < 0.1 * np.median(of_basic, axis=0)[0]
     assert np.median(of_compensated, axis=0)[1] < 0.1 * np.median(of_basic, axis=0)[1]

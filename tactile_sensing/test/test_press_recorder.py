@@ -1,4 +1,4 @@
-"""The wizard of `calibrate`: which presses it takes, what it asks again, how it goes on."""
+"""`calibrate --live`: which presses are taken or repeated, and continuation."""
 import numpy as np
 import pytest
 
@@ -22,13 +22,13 @@ def ball(a, b, peak=400.0):
 
 
 def held(picture, frames=2 * HELD):
-    """A press that rises, rests and is taken away, as clean counts."""
+    """Return the counts of a press that rises, is held and is released, without noise."""
     levels = [*np.linspace(0.0, 1.0, 6), *np.ones(frames), *np.linspace(1.0, 0.0, 6), *np.zeros(5)]
     return [level * picture for level in levels]
 
 
 class Sensor:
-    """Frames of a script; at its end the user gives up."""
+    """Frames of a script; at its end the user stops."""
 
     def __init__(self, script):
         self._script, self._rng = iter(script), np.random.default_rng(4)
@@ -105,7 +105,7 @@ def test_a_press_that_is_held_keeps_some_frames_which_are_one_press(tmp_path):
     assert told[1:] == ['ball: 1 of 3', 'ball: 2 of 3', 'ball: 3 of 3']
     with np.load(tmp_path / 'ball.npz') as file:
         values = file['frames'] - 20.0
-    values[5, 0, 0] = floor = -10.0  # hides in one frame of the second press: tells nothing
+    values[5, 0, 0] = floor = -10.0  # hidden in one frame of the second press: no value
     presses = Presses(ARRAY, values, np.full(values.shape, 2.0), np.full(ARRAY.shape, floor),
                       np.arange(12)).averaged()
     assert presses.number.tolist() == [0, 4, 8]
@@ -131,6 +131,6 @@ def test_a_press_that_moves_or_slackens_is_awaited():
     see(nothing)
     sliding = [ball(a, 0.0) for a in np.linspace(-4e-3, 4e-3, 60)]
     assert {see(picture) for picture in sliding} == {None}
-    assert [see(sliding[-1]) for _ in range(2 * HELD)].count('') == 1  # and is taken once
+    assert [see(sliding[-1]) for _ in range(2 * HELD)].count('') == 1  # it is taken once
     rising = [ball(0.0, 0.0, peak) for peak in np.linspace(100.0, 900.0, 60)]
     assert {see(nothing)} | {see(picture) for picture in rising} == {None}

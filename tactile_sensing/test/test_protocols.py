@@ -1,4 +1,4 @@
-"""What every byte protocol of the table must do, whatever its bytes are."""
+"""Requirements for all byte protocols of the table."""
 import os
 import re
 
@@ -16,13 +16,13 @@ BYTES = int(os.environ.get('BYTES', 200_000))
 OPTIONS = {'csv_lines': ('', 'stamp=us checksum=true'), 'weiss_wts': ('', 'rle=true'),
            'weiss_dsa': ('rle=false', 'cells=200 first=100'), 'robotiq_tsf85': ('', 'crc=07')}
 CASES = [(name, text) for name in PROTOCOLS for text in OPTIONS.get(name, ('',))]
-# What is wrong in these is found by a checksum, but for one in 2^16 and more.
+# Their checksum detects faults, except one in at least 2^16.
 CHECKED = [('csv_lines', 'stamp=us checksum=true'), ('weiss_wts', ''), ('weiss_wts', 'rle=true'),
            ('weiss_dsa', 'rle=false'), ('weiss_dsa', 'cells=200 first=100')]
 
 
 class Case:
-    """A protocol with options, and its two ends."""
+    """A protocol with options, its decoder and its device."""
 
     def __init__(self, name, text=''):
         self.name, self.protocol, self.options = name, protocol_named(name), options_of(name, text)
@@ -38,7 +38,7 @@ class Case:
         return device
 
     def images(self, count, seed=1):
-        """Counts as of an unloaded pad: small ones."""
+        """Return small counts, like those of an unloaded pad."""
         rng = np.random.default_rng(seed)
         return rng.integers(0, 60, (count, *self.shape)).astype(np.uint8)
 
@@ -91,7 +91,7 @@ def test_counts_of_every_converter(case, kind):
     bounds = np.iinfo(kind)
     carried = np.iinfo(case.protocol.kind)
     low, high = carried.min, carried.max
-    if case.name == 'flexitac':  # bytes or words: nothing else is said of them
+    if case.name == 'flexitac':  # bytes or words without any other information
         low, high = -2**15, 2**16
     if 'rle' in case.options and case.options['rle']:
         high = weiss.HIGHEST
@@ -133,7 +133,7 @@ def test_after_garbage_the_next_clean_frame_but_one_comes_at_once(case, garbage)
 
 
 def mutated(rng, data, share):
-    """Bytes of which some are changed, lost or doubled."""
+    """Return bytes of which some are changed, lost or doubled."""
     array = np.frombuffer(data, np.uint8).copy()
     hit = rng.random(array.size) < share
     array[hit] ^= rng.integers(1, 256, hit.sum(), np.uint8)
@@ -155,7 +155,7 @@ def test_mutated_bytes_never_crash_and_the_stream_is_found_again(case):
 
 @pytest.mark.parametrize('case', CHECKED, ids='-'.join, indirect=True)
 def test_no_frame_of_mutated_bytes_that_fails_its_check(case):
-    """Every frame is one that was sent: single faults in each frame, of every kind."""
+    """With a single fault in each frame, of any kind, every returned frame was sent."""
     rng = np.random.default_rng(5)
     counts = case.images(200)
     sent = {image.tobytes() for image in counts}
@@ -209,7 +209,7 @@ def test_a_reset_forgets_what_was_buffered(case):
 
 
 def test_joined_in_the_middle_no_frame_is_cut(case):
-    """Whatever the port missed at the start, the first frame is a whole one."""
+    """If reading starts at any byte, the first frame is still complete."""
     counts = case.images(6)
     data = b''.join(case.packets(counts)) + case.device().preamble
     sent = counts.tolist()
@@ -326,7 +326,7 @@ def test_a_tag_of_a_finger_and_its_temperature():
     case = Case('robotiq_tsf85', 'finger=1')
     decoder = case.decoder(kind=np.uint16)
     counts = case.images(1).astype(np.uint16) * 1000
-    # Of a packet: start, no CRC, command, size, tag of finger 1, values; then 36 degrees.
+    # A packet: start, no CRC, command, size, tag of finger 1, values; then 36 degrees.
     frame, = frames_of(decoder, b'\x9a\x00\x58\x39\x14' + counts.astype('>u2').tobytes()
                        + b'\x9a\x00\x58\x03\x64\x00\x24')
     assert frame.counts.tolist() == counts[0].tolist()

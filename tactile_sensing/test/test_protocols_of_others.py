@@ -1,4 +1,4 @@
-"""A package of somebody else's adds a protocol by an entry point."""
+"""Another package adds a protocol by an entry point."""
 import os
 from pathlib import Path
 import subprocess
@@ -23,7 +23,7 @@ print(decoder.next_event().counts.tolist())
 
 @pytest.fixture(scope='module')
 def installed(tmp_path_factory):
-    """Entry points of the example, as an installation has them, and its modules."""
+    """Provide the entry points and modules of the example, as if it were installed."""
     folder = tmp_path_factory.mktemp('installed')
     subprocess.run([sys.executable, 'setup.py', '-q', 'egg_info', '--egg-base', str(folder)],
                    cwd=EXAMPLE, check=True, capture_output=True)

@@ -1,4 +1,4 @@
-"""Recording and calibrating from a port, without a graph."""
+"""Recording and calibrating from a port, without a ROS graph."""
 import threading
 import time
 
@@ -15,7 +15,7 @@ from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin
 
-pytestmark = pytest.mark.graph  # in real time: no other test beside it
+pytestmark = pytest.mark.graph  # real time: must not run in parallel with other tests
 ARRAY = TactelArray(8, 8, 2e-3, 2e-3)
 SKIN = SkinPressure(Skin(2e-3), 2e-3, 2e-3)
 RATE = 200.0
@@ -28,7 +28,7 @@ def ball(a, b):
 
 @pytest.fixture
 def port(tmp_path):
-    """An array that prints; the lines of a list are what it sees, then nothing more."""
+    """An array that prints: it sends the lines of a list, then nothing."""
     terminal, end, script = Terminal(tmp_path / 'port'), threading.Event(), []
 
     def run():

@@ -1,4 +1,4 @@
-"""Recordings: round trip, what becomes of them as bytes, and every way to get a file wrong."""
+"""Recordings: round trip, conversion to counts, wrong files of every kind."""
 import os
 from pathlib import Path
 

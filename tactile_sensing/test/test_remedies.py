@@ -1,4 +1,4 @@
-"""Faults of a sensor: what is lost to each, and that the rest is still told honestly."""
+"""Faults of a sensor: the loss of accuracy by each, and correct claims afterwards."""
 
 from averages_over_tactels import point_average
 import numpy as np
@@ -17,7 +17,7 @@ X, Y = ARRAY.x, ARRAY.y[:, None]
 
 @pytest.fixture(scope='module')
 def presses():
-    """Loads (a, b, 1 N, Qx, Qy) with shear up to half of it, frames and noise at 40 dB."""
+    """Return loads (a, b, 1 N, Qx, Qy), shear up to 0.5 N, and frames and noise at 40 dB."""
     rng = np.random.default_rng(11)
     turn, shear = rng.uniform(-np.pi, np.pi, COUNT), rng.uniform(0.0, 0.5, COUNT)
     loads = np.column_stack([rng.uniform(-8e-3, 8e-3, (COUNT, 2)), np.ones(COUNT),
@@ -28,7 +28,7 @@ def presses():
 
 
 def found(frames, noise, *, depth=DEPTH, full_scale=0.0, floor=0.0, **config):
-    """Every frame with its own noise, as the estimator's scale is free: over the noise."""
+    """Estimate frames divided by their own noise; the scale of the estimator is arbitrary."""
     layer = Layer('zz', depth, None, full_scale, 1.0, floor=floor)
     config = {'tactel': 'point', **config}
     return ContactEstimator(EstimatorConfig(**config)).estimate_batch(
@@ -36,7 +36,7 @@ def found(frames, noise, *, depth=DEPTH, full_scale=0.0, floor=0.0, **config):
 
 
 def errors(records, loads, noise):
-    """RMS errors: x [mm], P, Qx and Qy [% of P]; of frames that are valid points."""
+    """Return the RMS errors x [mm], P, Qx and Qy [% of P] of frames that are valid points."""
     good = records['valid'] & (records['type'] == 1)
     assert good.mean() > 0.98
     estimate = np.column_stack([
@@ -47,7 +47,7 @@ def errors(records, loads, noise):
 
 
 def no_worse(measured, limits):
-    """Within the limits; the RMS of 600 frames is known to 3 %, three times that is allowed."""
+    """Check errors against limits plus 9 %: the RMS of 600 frames is known within 3 %."""
     assert (np.asarray(measured) <= 1.09 * np.asarray(limits)).all(), measured
 
 
@@ -93,7 +93,7 @@ def test_missing_and_saturated_tactels_have_no_weight(presses):
     records = found(np.where(gaps, np.nan, frames), noise)
     no_worse(errors(records, loads, noise)[:2], [0.03, 0.65])
     assert (records['reasons'] & int(Reason.DEAD_TACTELS) > 0).all()
-    # Saturation is a matter of one sensor: all frames with the same noise and full scale.
+    # All frames are those of one sensor, with the same noise and full scale.
     noise = np.full(COUNT, noise.mean())
     peak = frames.max(axis=(1, 2))
     scaled = frames / peak[:, None, None] * peak.mean()
@@ -202,7 +202,7 @@ def test_shear_beyond_friction(presses, most):
     noise = 1e-5 * clean.max(axis=(1, 2))
     records = found(clean, noise)
     assert records['valid'].all()
-    # To what the polynomials of the skin leave of the half-space, 1e-5 of the peak.
+    # Within the error of the skin's polynomials on a half-space, 1e-5 of the peak.
     assert np.abs(records['x'] - loads[:, 0]).max() < 12e-6
     assert np.abs(noise * records['shear_force_x'] - loads[:, 3]).max() < 0.03
 
@@ -221,9 +221,9 @@ def test_shear_across_a_line():
     assert records['valid'].all() and np.isfinite(records['shear_force_x']).all()
     offset, yaw = place.T
     off = records['x'] * np.cos(yaw) + records['y'] * np.sin(yaw) - offset
-    assert np.sqrt(np.mean(off**2)) < 0.015e-3  # .2 mm if the shear were left out
+    assert np.sqrt(np.mean(off**2)) < 0.015e-3  # .2 mm without the shear
     claimed = np.sqrt(records['covariance'][:, 0, 0] + records['covariance'][:, 1, 1])
-    # A little wide: gains that nobody told may scatter.
+    # Slightly large, because unknown gains may scatter.
     assert np.sqrt(np.mean((off / claimed) ** 2)) == pytest.approx(0.9, abs=0.2)
 
 
@@ -239,4 +239,4 @@ def test_tactels_that_average_over_their_area():
         frames, array, [layer]) for tactel in ('area', 'point'))
     assert area['valid'].all() and np.abs(area['normal_force'] - 1.0).max() < 0.0025
     assert np.nanmax(area['patch']) < 0.4e-3
-    assert np.nanmean(centre['patch']) > 0.4e-3  # what it averages over seems a patch
+    assert np.nanmean(centre['patch']) > 0.4e-3  # the averaging looks like a patch

@@ -1,4 +1,4 @@
-"""Ridge points of pictures: exact on straight edges, honest about noise and broken tactels."""
+"""Ridge points of images: exact on straight edges, robust to noise and broken tactels."""
 import math
 
 import numpy as np

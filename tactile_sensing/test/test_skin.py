@@ -20,7 +20,7 @@ LINE = (1e-3, 0.3, 200.0, 60.0)
 
 
 def off(found, expected):
-    """Largest difference over the peak."""
+    """Return the largest difference relative to the peak."""
     return np.abs(found - expected).max() / np.abs(expected).max()
 
 
@@ -46,13 +46,13 @@ def test_pressure_carries_the_load(thickness, poisson):
     skin = SkinPressure(Skin(DEPTH, thickness, poisson))
     r = np.linspace(0.0, 5.0 * thickness, 2001)
     carried = np.trapezoid(2.0 * np.pi * r * skin.point(r, 0.0, 0.0, 0.0, 3.0), r)
-    assert carried == pytest.approx(3.0, rel=0.02)  # a little is pulled further out
+    assert carried == pytest.approx(3.0, rel=0.02)  # farther out the pressure is slightly negative
     carried = np.trapezoid(2.0 * skin.line(r, 0.0, 0.0, 0.0, 7.0), r)
     assert carried == pytest.approx(7.0, rel=0.02)
 
 
 def test_rest_upon_the_base_has_the_pressure_of_the_thin_layer():
-    # A pressure that hardly changes over many thicknesses goes straight through.
+    # A load that is almost constant over many thicknesses is transmitted unchanged.
     for poisson in (0.0, 0.3, 0.45):
         normal, shear = pressure_transforms(np.array([1.0]), Skin(DEPTH, 2 * DEPTH, poisson))
         assert normal == pytest.approx(1.0, abs=1e-4)

@@ -1,4 +1,4 @@
-"""Loads of chapters 2 and 3: textbook formulas, what they integrate to, moments and geometry."""
+"""Loads of chapters 2 and 3: textbook formulas, integrals, moments and geometry."""
 
 from dataclasses import astuple
 
@@ -84,7 +84,7 @@ def test_chord_length_within_a_rectangle(rho, yaw, expected):
 
 
 def test_moments_of_a_strip_and_the_closed_form_that_comes_near():
-    """The strip |y| <= L, all x: (3.2) to (3.7); corrected, as (3.9) is not in print."""
+    """The strip |y| <= L, all x: (3.2) to (3.7), with (3.9) corrected."""
     a, yaw, force, half = 0.002, -0.3, 180.0, 0.0127
 
     def moment(p, q):

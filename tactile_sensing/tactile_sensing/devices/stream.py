@@ -28,9 +28,9 @@ class SensorStream:
     Open the port of a sensor, start the sensor and read it; reopen the port whenever it is lost.
 
     Iterate over its images until it is closed, or call `read`; it is also a context manager. For
-    the arguments see `open_sensor`. A rate or baud of 0 and a kind of None mean the values of the
-    protocol. `now_ns` is the clock of the stamps. `tell(text, gone)` is called whenever the port
-    is opened or lost.
+    the arguments see `open_sensor`. A baud of 0 and a kind of None mean those of the protocol. A
+    rate of 0 means unknown; the device is then asked for 100 Hz. `now_ns` is the clock of the
+    stamps. `tell(text, gone)` is called whenever the port is opened or lost.
     """
 
     def __init__(self, port: str, protocol: str, shape: tuple[int, int], *,

@@ -1,4 +1,4 @@
-"""Frames as lines of two hexadecimal digits a tactel."""
+"""Protocol with one frame per line, two hexadecimal digits per tactel."""
 import numpy as np
 
 from tactile_sensing.devices.lines import LineDecoder
@@ -17,7 +17,7 @@ class HexDecoder(LineDecoder):
 
 
 class HexDevice(Device):
-    """The sensor's end of it."""
+    """The sensor side of `hex_lines`."""
 
     preamble = b'\n'
 

@@ -1,4 +1,4 @@
-"""A package that adds a byte protocol to driver and mock sensor, without touching theirs."""
+"""Example of a package that adds a byte protocol to driver and mock sensor."""
 from setuptools import setup
 
 setup(
