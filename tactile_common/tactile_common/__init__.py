@@ -1,1 +1,1 @@
-"""What all packages share: errors, configuration, geometry, compiled kernels, ROS helpers."""
+"""Shared code of all packages: errors, configuration, geometry, compiled kernels, ROS helpers."""

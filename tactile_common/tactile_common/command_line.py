@@ -1,4 +1,4 @@
-"""Command lines that refuse as everything else does, in one line."""
+"""Command-line parsing and one-line error messages for all commands."""
 import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,13 +11,13 @@ from typing import Any, NoReturn
 from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError, TactileError
 
-PICTURES = ('.png', '.pdf', '.svg', '.jpg')  # that matplotlib writes
+PICTURES = ('.png', '.pdf', '.svg', '.jpg')  # formats that matplotlib writes
 # Exit status of every command.
 DONE, FAILED, REFUSED, INTERRUPTED = 0, 1, 2, 130
 
 
 class Help(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFormatter):
-    """Help with the defaults that say something, and the lines of the epilog as they are."""
+    """Help formatter that shows informative defaults and keeps the line breaks of the epilog."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
         said = action.default is None or action.default is False
@@ -25,38 +25,38 @@ class Help(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFo
 
 
 class Parser(argparse.ArgumentParser):
-    """Parser of whole option names; ConfigurationError in place of usage and an exit."""
+    """Parser without abbreviated options; it raises ConfigurationError and does not exit."""
 
     def __init__(self, **kwargs: Any):
         super().__init__(allow_abbrev=False, **kwargs)
         self.add_argument('--version', action='version', version=f'%(prog)s {version_of_all()}')
 
     def error(self, message: str) -> NoReturn:
-        """Refuse what was given."""
+        """Raise a ConfigurationError for invalid arguments."""
         raise ConfigurationError(f'{message}; --help tells more')
 
 
 def between(low: float, high: float, unit: str = '', kind: type = float) -> Callable[[str], Any]:
-    """Type of an option: a number between two bounds, both allowed."""
+    """Return the type of an option: a number between two bounds, both allowed."""
     def convert(text: str) -> Any:
         try:
             return checked('value', kind(text), kind, {'range': (low, high), 'unit': unit})
         except ConfigurationError as error:
             raise argparse.ArgumentTypeError(str(error)) from None
-    convert.__name__ = kind.__name__  # argparse names it where `kind` refuses the text
+    convert.__name__ = kind.__name__  # argparse shows this name if `kind` refuses the text
     return convert
 
 
 def version_of_all() -> str:
-    """Version of these packages."""
+    """Return the version of these packages."""
     try:
-        return version('tactile_common')  # one for all
+        return version('tactile_common')  # all packages have the same version
     except PackageNotFoundError:
         return 'of a source tree that is not installed'
 
 
 def picture_file(text: str) -> Path:
-    """Type of an option: a picture to write, in a folder that there is."""
+    """Convert the text of an option to the path of a picture to write; its folder must exist."""
     path = Path(text)
     if path.suffix.lower() not in PICTURES:
         raise argparse.ArgumentTypeError(f'{text}: must end in one of {", ".join(PICTURES)}')
@@ -68,10 +68,10 @@ def picture_file(text: str) -> Path:
 @contextmanager
 def refusing(name: str, *others: type[Exception]) -> Iterator[SimpleNamespace]:
     """
-    Say in one line what is wrong with what a command was given: our errors, and some others.
+    Print errors of a command in one line: TactileError, OSError and the given types.
 
-    The `status` of what is given is that to exit with: 2 after an error, which is `REFUSED`, 130
-    where the command was interrupted; else what the command sets, 0 at first.
+    The yielded object's `status` is the exit status: 2 (`REFUSED`) after an error, 130 after an
+    interrupt, otherwise the value that the command sets (initially 0).
     """
     command = SimpleNamespace(status=DONE)
     expected: tuple[type[Exception], ...] = (TactileError, OSError, *others)
@@ -87,7 +87,7 @@ def refusing(name: str, *others: type[Exception]) -> Iterator[SimpleNamespace]:
 
 @contextmanager
 def reading_bags() -> Iterator[None]:
-    """Say in one line what is missing where modules that read bags are imported."""
+    """Explain in one line what is missing if modules that read bags cannot be imported."""
     try:
         yield
     except ImportError as error:
@@ -96,7 +96,7 @@ def reading_bags() -> Iterator[None]:
 
 
 def run_command(name: str, run: Callable[[], str]) -> int:
-    """Say on standard error what a command did; returns the exit status, see `refusing`."""
+    """Print the result of a command on standard error; return the exit status, see `refusing`."""
     with refusing(name) as command:
         print(run(), file=sys.stderr)
     return command.status

@@ -1,10 +1,10 @@
 """
-Fields of configuration dataclasses with their description, unit and bounds, and their check.
+Fields of configuration dataclasses with description, unit and bounds, and their checks.
 
-A field's default stands in the dataclass, its bounds in the field's metadata: `doc`, `unit`,
-`range` (smallest and largest value, both allowed), `choices`, `live` and, of a tuple,
-`one_for_all`: one value may stand for the list. `check_fields`, called in `__post_init__`, and
-the declaration of ROS parameters read both from there.
+A field's default is in the dataclass, its bounds are in the field's metadata: `doc`, `unit`,
+`range` (smallest and largest value, both allowed), `choices` and `live`. A tuple may also have
+`one_for_all`: a single value is then accepted in place of a list. `check_fields`, called in
+`__post_init__`, and the declaration of ROS parameters both read this metadata.
 """
 from collections.abc import Callable, Iterable, Mapping
 import dataclasses
@@ -28,7 +28,7 @@ def bounded(default: Any, doc: str = '', unit: str = '', low: float = -math.inf,
     """
     Return a dataclass field for numbers between two bounds, both allowed.
 
-    A `live` one can be changed while a node runs: a gain or a speed, never a limit.
+    A `live` field can be changed while a node runs: a gain or a speed, never a limit.
     """
     return dataclasses.field(
         default=default,
@@ -42,16 +42,16 @@ def one_of(default: str, doc: str, choices: Iterable[str]) -> Any:
 
 def check_fields(config: Any, prefix: str = '') -> None:
     """
-    Check type and bounds of every field of a dataclass; in messages a prefix precedes its name.
+    Check type and bounds of every field of a dataclass; messages put a prefix before its name.
 
-    Checked are booleans, numbers (an integer is a number as well), texts, tuples of these, and
-    that a nested dataclass is one; fields of other types are left alone.
+    The check covers booleans, numbers (an integer is accepted as a number), texts, tuples of
+    these, and the type of nested dataclasses. Fields of other types are not checked.
 
     Raises
     ------
     ConfigurationError
-        A field has the wrong type, is outside its `range`, is not finite though it has one, or
-        is none of its `choices`. The message tells name, value, bounds and unit, and asks
+        A field has the wrong type, is outside its `range`, has a `range` but is not finite, or is
+        not one of its `choices`. The message contains name, value, bounds and unit, and asks
         whether a length or speed was given in millimetres.
     """
     config_class: Any = type(config)
@@ -64,10 +64,10 @@ def check_fields(config: Any, prefix: str = '') -> None:
 def built(config_class: type, value_of: Callable[[str, Any, Any, Mapping], Any],
           prefix: str = '', defaults: Any = None) -> Any:
     """
-    Make a dataclass of the values that `value_of(name, default, kind, metadata)` gives.
+    Make a dataclass from the values that `value_of(name, default, kind, metadata)` returns.
 
-    The fields of a nested dataclass have names of its name, a dot and theirs, such as
-    `force.gain`; those in `defaults`, if given, go before the fields' own.
+    The name of a field of a nested dataclass includes the outer field's name and a dot, such as
+    `force.gain`. The values in `defaults`, if given, replace the defaults of the fields.
     """
     values = {}
     for field in dataclasses.fields(config_class):
@@ -84,17 +84,17 @@ def built(config_class: type, value_of: Callable[[str, Any, Any, Mapping], Any],
 
 @lru_cache
 def types_of(config_class: type) -> dict[str, Any]:
-    """Types of the fields of a dataclass, by their names."""
+    """Return the types of the fields of a dataclass by their names."""
     return get_type_hints(config_class)
 
 
 def checked(name: str, value: Any, kind: Any,
             metadata: Mapping = types.MappingProxyType({})) -> Any:
     """
-    Check one value, as `check_fields` does, and return it as what it shall be.
+    Check one value as `check_fields` does, and return it converted to its type.
 
-    `kind` is `bool`, `int`, `float`, `str`, a `tuple` or union of these, or a dataclass; the
-    metadata of a tuple are those of its items.
+    `kind` is `bool`, `int`, `float`, `str`, a `tuple` or union of these, or a dataclass. The
+    metadata of a tuple apply to its items.
     """
     value = value.item() if isinstance(value, np.generic) else value
     origin = get_origin(kind)
@@ -128,7 +128,7 @@ def checked(name: str, value: Any, kind: Any,
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Question about the known name that is nearest to one, empty if none is near."""
+    """Return a question about the known name nearest to a name; empty if none is near."""
     found = difflib.get_close_matches(name, list(known), 1)
     return f'; did you mean {found[0]}?' if found else ''
 
@@ -143,7 +143,7 @@ def _bounds(low: float, high: float, unit: str) -> str:
 
 
 def _thousandth(value: float, low: float, high: float, unit: str) -> str:
-    """Question whether a length or speed was given in millimetres."""
+    """Return the question whether a length or speed was given in millimetres."""
     meant = value / 1000.0
     asked = unit.startswith('m') and not low <= value <= high and low <= meant <= high
     return f'; did you mean {meant:g}?' if asked else ''

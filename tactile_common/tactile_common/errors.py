@@ -6,11 +6,11 @@ class TactileError(Exception):
 
 
 class ConfigurationError(TactileError, ValueError):
-    """A value given by the user is missing or out of bounds; one line says which and why."""
+    """A value given by the user is missing or out of bounds; the message gives the reason."""
 
 
 class SurfaceError(TactileError, ValueError):
-    """A matrix, or a point on it, that is no surface: not symmetric, without a normal."""
+    """A matrix is not a surface (not symmetric), or a point on it has no normal."""
 
 
 class UnreachableError(TactileError, ValueError):
@@ -18,4 +18,4 @@ class UnreachableError(TactileError, ValueError):
 
 
 class Rejected(TactileError, ValueError):
-    """A trajectory that a joint_trajectory_controller does not accept; one line says why."""
+    """A joint_trajectory_controller does not accept a trajectory; the message gives the reason."""

@@ -1,4 +1,4 @@
-"""Public names of a package, imported when they are asked for: numba takes its time."""
+"""Public names of a package, imported only on first use, because numba is slow to import."""
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
@@ -12,9 +12,9 @@ def exported(package: str, modules: Mapping[str, str]) -> tuple[
     Parameters
     ----------
     package : str
-        Its `__name__`.
+        `__name__` of the package.
     modules : dict
-        The names, parted by spaces, that each of its modules gives: ``{'contact.estimator':
+        For each module the names that it provides, separated by spaces: ``{'contact.estimator':
         'ContactEstimator EstimatorConfig'}``.
     """
     home = {name: f'{package}.{module}' for module, names in modules.items()

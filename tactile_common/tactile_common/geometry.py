@@ -1,4 +1,4 @@
-"""Angles; every function is for kernels and for Python, for numbers and for arrays."""
+"""Angles; every function accepts numbers and arrays and can be called from kernels and Python."""
 from typing import Any
 
 import numpy as np
@@ -8,5 +8,5 @@ from tactile_common.kernels import njit
 
 @njit(cache=True)
 def wrap_angle(angle: Any) -> Any:
-    """Return an angle, or angles, less the whole turns in it: within half a turn [rad]."""
+    """Wrap an angle, or an array of angles, to within half a turn [rad]."""
     return np.arctan2(np.sin(angle), np.cos(angle))

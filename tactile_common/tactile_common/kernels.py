@@ -1,12 +1,12 @@
 """
-Where numba keeps what it compiled: a folder named after the sources of all kernels.
+Cache folder for the kernels that numba compiles, named after the sources of all kernels.
 
-Numba looks at the file of the compiled function only, not at those of the functions that it
-calls; a folder of its own for every state of the sources makes its cache right. Every module
-with a kernel takes `njit` from here, so that the folder is set before anything is compiled.
+Numba checks only the file of the compiled function, not the files of the functions that it
+calls. A separate folder for every state of the sources keeps its cache valid. Every module with
+a kernel imports `njit` from here, so that the folder is set before anything is compiled.
 
-`compile_kernels`, also a command, fills that folder, so that no first start has to wait. Who does
-not call it reads a line on the terminal while kernels are compiled.
+`compile_kernels`, also a command, fills that folder, so that the first start need not wait.
+Without it, a line on the terminal says when kernels are compiled.
 """
 from collections.abc import Iterator
 from concurrent.futures import as_completed, ProcessPoolExecutor
@@ -34,14 +34,14 @@ __all__ = ['FAST', 'njit', 'to_fixed_tuple']
 
 PACKAGES = ('tactile_common', 'tactile_sensing', 'tactile_shape', 'tactile_servo',
             'tactile_simulation')
-# What makes a module a part of what is compiled; `ws` knows it as well.
+# Sources that match affect compiled code; `ws` contains the same pattern.
 COMPILED = re.compile(rb'@njit|dtype\(|NamedTuple|IntEnum')
 # Reassociation lets sums be vectorised; NaN and infinity keep their meaning.
 FAST = {'reassoc', 'contract', 'nsz', 'arcp'}
 
 
 class _Notice(event.Listener):
-    """Says on a terminal, once, that kernels are compiled; nothing of those in the folder."""
+    """Prints once, on a terminal, that kernels are compiled; silent for cached kernels."""
 
     said = False
 
@@ -61,10 +61,10 @@ event.register('numba:compile', _NOTICE)
 
 def cache_folder() -> Path:
     """
-    Folder of the compiled kernels: below NUMBA_CACHE_DIR, else in the user's cache.
+    Return the folder of the compiled kernels: in NUMBA_CACHE_DIR, else in the user's cache.
 
-    Its name changes with every module of these packages that has kernels, or the records, tuples
-    and enumerations that become a part of kernels.
+    Its name changes with every module of these packages that contains kernels, or the records,
+    tuples and enumerations that kernels use.
     """
     digest = 0
     for name in PACKAGES:
@@ -81,11 +81,11 @@ def cache_folder() -> Path:
 
 def compile_kernels() -> Iterator[tuple[str, float]]:
     """
-    Compile the kernels of every installed package, and forget those of earlier sources.
+    Compile the kernels of every installed package, and delete those of earlier sources.
 
-    A package that has kernels has a module `compile_kernels` with a function of that name,
-    which calls each of them once; each package in a process of its own. Yields each package, and
-    the seconds that it took.
+    A package with kernels has a module `compile_kernels` with a function of that name, which calls
+    each kernel once. Each package is compiled in a separate process. Yields the name of each
+    package and its time [s].
     """
     folder = cache_folder()
     for other in folder.parent.glob('*'):
@@ -102,16 +102,16 @@ def compile_kernels() -> Iterator[tuple[str, float]]:
 
 
 def _compile(package: str, folder: str) -> tuple[str, float]:
-    config.CACHE_DIR = folder  # a new process: nothing is imported yet
-    _NOTICE.said = True  # by the command
+    config.CACHE_DIR = folder  # in this new process no kernel is imported yet
+    _NOTICE.said = True  # the command has printed it
     begin = time.perf_counter()
     import_module(f'{package}.compile_kernels').compile_kernels()
     return package, time.perf_counter() - begin
 
 
 def main() -> int:
-    """Compile everything; one line for each package."""
-    # Only here: this module is imported by every kernel.
+    """Compile all kernels and print one line for each package."""
+    # Imported here, because every kernel imports this module.
     from tqdm import tqdm
 
     from tactile_common.command_line import Parser, refusing
@@ -127,7 +127,7 @@ def main() -> int:
 
 
 def _own(folder: Path) -> Path:
-    """Make a folder that nobody else may write to; warn where another may: its code is run."""
+    """Make a folder; warn if other users may write to it, because its code is run."""
     with suppress(OSError):
         folder.mkdir(mode=0o755, parents=True, exist_ok=True)
         state = folder.stat()
@@ -138,17 +138,17 @@ def _own(folder: Path) -> Path:
 
 
 class _CacheFile(caching.IndexDataCacheFile):
-    """Files of compiled code, each with its checksum: a damaged one is as if it were not there."""
+    """Files of compiled code with a checksum; damaged files are treated as missing."""
 
     def _dump(self, obj: Any) -> bytes:
         raw = super()._dump(obj)
         return raw + zlib.crc32(raw).to_bytes(4, 'little')
 
     def _sound(self, path: str) -> bool:
-        # What garbage does to pickle is anything.
+        # Unpickling damaged data can raise any exception.
         with suppress(Exception), open(path, 'rb') as file:
             if path == self._index_path:
-                pickle.load(file)  # it begins with a version
+                pickle.load(file)  # skip the version at the start
             body = file.read()
             return len(body) > 4 and zlib.crc32(body[:-4]).to_bytes(4, 'little') == body[-4:]
         return False

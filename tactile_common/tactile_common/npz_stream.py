@@ -1,4 +1,4 @@
-"""Arrays in `.npz` and `.npy` files, a few rows at a time, bounded before expansion."""
+"""Read `.npz` and `.npy` arrays a few rows at a time; sizes are checked before expansion."""
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
@@ -16,18 +16,18 @@ from numpy.lib import format as npy
 
 from tactile_common.errors import ConfigurationError
 
-MAX_WHOLE = 64 << 20  # bytes of arrays that are read at once, see `read_arrays`
-MAX_ROW = 4 << 20  # bytes of one row, which is the least that is read
-MAX_MEMBERS = 1000  # of an archive
+MAX_WHOLE = 64 << 20  # bytes of arrays that are read at once
+MAX_ROW = 4 << 20  # bytes of one row, the smallest unit of reading
+MAX_MEMBERS = 1000  # arrays of an archive
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 _DAMAGED = (ValueError, EOFError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
-# What NumPy writes; others may ask for gigabytes before they give a byte.
+# NumPy writes only these. Others may allocate gigabytes before they return a byte.
 _COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
 @contextmanager
 def clear_errors(path: str | os.PathLike) -> Iterator[None]:
-    """Tell what is wrong with an archive by a ConfigurationError of one line that names it."""
+    """Raise errors of an archive as a ConfigurationError: one line that names the file."""
     try:
         yield
     except ConfigurationError as error:
@@ -44,19 +44,19 @@ def _kind(path: str | os.PathLike) -> str:
 
 
 def _is_plain(path: str | os.PathLike) -> bool:
-    """Whether a file is one array, and not an archive of them."""
+    """Return True if a file is a single array, not an archive."""
     return Path(path).suffix == '.npy'
 
 
 def read_arrays(path: str | os.PathLike, names: Collection[str],
                 optional: Collection[str] = ()) -> dict[str, np.ndarray]:
     """
-    Read arrays of an `.npz` archive whole, those of the optional names where they are there.
+    Read whole arrays of an `.npz` archive; optional ones only if they exist.
 
     Raises
     ------
     ConfigurationError
-        As of an `ArrayReader`, or they hold more than `MAX_WHOLE` bytes together.
+        `ArrayReader` refuses an array, or all arrays together exceed `MAX_WHOLE` bytes.
     """
     with clear_errors(path), _archive(path) as archive:
         there = set(archive.namelist())
@@ -69,7 +69,7 @@ def read_arrays(path: str | os.PathLike, names: Collection[str],
 
 
 def write_arrays(path: str | os.PathLike, **arrays: Any) -> None:
-    """Write an `.npz` archive, whole or not at all: who dies meanwhile leaves the one before."""
+    """Write an `.npz` archive atomically: if the process dies, the earlier file remains."""
     part = Path(f'{path}.{os.getpid()}.part')
     try:
         with open(part, 'wb') as file:
@@ -80,7 +80,7 @@ def write_arrays(path: str | os.PathLike, **arrays: Any) -> None:
 
 
 def scalar(name: str, value: np.ndarray) -> float:
-    """Return the number in an array of one; ConfigurationError where it holds none."""
+    """Return the number in an array of size one; ConfigurationError if it is not finite."""
     if value.size != 1 or value.dtype.kind not in 'uif' or not math.isfinite(value.item()):
         raise ConfigurationError(
             f'{name} is {(value if value.size < 10 else value.ravel()[:10]).tolist()!r:.60}, '
@@ -109,8 +109,8 @@ def _refuse_above(most: int, size: int, what: str) -> None:
 
 
 def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype, int]:
-    """Shape, order, type and length of the header of a `.npy` stream."""
-    head = BytesIO(stream.read(10_000))  # whatever length it claims to have
+    """Read shape, order, type and length of the header of a `.npy` stream."""
+    head = BytesIO(stream.read(10_000))  # bounded: do not trust the length in the header
     version = npy.read_magic(head)
     if version not in _HEADERS:
         raise ConfigurationError(f'.npy format {version} is not of plain numbers')
@@ -119,7 +119,7 @@ def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype, int]:
 
 @contextmanager
 def _opened(path: str | os.PathLike, name: str) -> Iterator[tuple[IO[bytes], int]]:
-    """Stream of an `.npy` file, or of that array of an archive, and its length."""
+    """Open an `.npy` file, or one array of an archive; yields the stream and its length."""
     if _is_plain(path):
         with open(path, 'rb') as stream:
             yield stream, os.fstat(stream.fileno()).st_size
@@ -137,15 +137,15 @@ def _opened(path: str | os.PathLike, name: str) -> Iterator[tuple[IO[bytes], int
 
 class ArrayReader:
     """
-    An `.npy` file, or array `name` of an `.npz` archive, in chunks along its first axis.
+    Reader of an `.npy` file, or of array `name` of an `.npz` archive, in chunks of rows.
 
-    Only its header has been read, the rows come with `chunks`.
+    The constructor reads only the header. `chunks` and `read` read the data.
 
     Raises
     ------
     ConfigurationError
-        The file cannot be read, is no archive, is damaged, lacks the array, or a row of it is
-        larger than `MAX_ROW`.
+        The file cannot be read, is not an archive, is damaged or lacks the array, or one of its
+        rows is larger than `MAX_ROW`.
     """
 
     def __init__(self, path: str | os.PathLike, name: str):
@@ -160,11 +160,11 @@ class ArrayReader:
                     f'{self.shape} {self.dtype}')
             row = math.prod(self.shape[1:]) * self.dtype.itemsize
             _refuse_above(MAX_ROW, row, f'a row of {name}, {self.shape[1:]} {self.dtype},')
-            if self._column_major:  # its rows lie apart
+            if self._column_major:  # its rows are not contiguous
                 _refuse_above(MAX_WHOLE, self.size, f'{name}, which is column-major,')
 
     def read(self) -> np.ndarray:
-        """Return the whole array, of at most `MAX_WHOLE` bytes; errors as above."""
+        """Return the whole array, at most `MAX_WHOLE` bytes; raises a ConfigurationError."""
         if self.dtype.hasobject:
             raise ConfigurationError(f'{self._path}: is not an {_kind(self._path)} of numbers')
         with clear_errors(self._path):
@@ -173,7 +173,7 @@ class ArrayReader:
             return values.reshape(self.shape, order='F' if self._column_major else 'C')
 
     def chunks(self, rows: int) -> Iterator[np.ndarray]:
-        """Yield the array in order, `rows` at a time, the last ones fewer; errors as above."""
+        """Yield chunks of `rows` rows (the last may be shorter); raises a ConfigurationError."""
         count = self.shape[0]
         if self._column_major:
             whole = self.read()
@@ -185,7 +185,7 @@ class ArrayReader:
                 yield values.reshape(-1, *self.shape[1:])
 
     def _read(self, counts: Iterable[int]) -> Iterator[np.ndarray]:
-        """So many values, one count after the other."""
+        """Read values in sequence; each item of `counts` is the number of values in one chunk."""
         with _opened(self._path, self._name) as (stream, _):
             stream.seek(self._begin)
             for count in counts:
@@ -194,15 +194,16 @@ class ArrayReader:
 
 class RecordWriter:
     """
-    `count` rows of a structured type, appended in chunks; the file appears when all are written.
+    Writer of `count` rows of a structured type; the file appears when all rows are written.
 
-    It is an `.npz`, one array per field (uncompressed, so that they can be mapped), or a `.csv`.
-    Use as a context manager: after an exception no file is left, and an old one stays.
+    The file is an `.npz` with one uncompressed array per field, so that it can be mapped, or a
+    `.csv`. Use the writer as a context manager: after an exception it leaves no new file, and an
+    existing file stays.
 
     Raises
     ------
     ConfigurationError
-        The ending is neither of the two, or the folder does not exist or cannot be written.
+        The file name has another ending, or the folder does not exist or is not writable.
     """
 
     def __init__(self, path: str | os.PathLike, dtype: np.dtype, count: int):
@@ -217,7 +218,7 @@ class RecordWriter:
         except OSError as error:
             raise ConfigurationError(
                 f'{path}: folder {self._path.parent}: {error.strerror}') from error
-        # Entries of a zip archive follow each other, hence a file for each until the end.
+        # Members of a zip archive are written one after the other, so collect each in a file.
         names = ('table',) if self._is_table else dtype.names or ()
         self._parts = {name: open(Path(self._folder.name, name), 'wb') for name in names}
         if self._is_table:
@@ -264,7 +265,7 @@ class RecordWriter:
 
 
 def _columns(records: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Names and values of the columns of a `.csv` file: of a symmetric matrix, the upper half."""
+    """Yield names and values of the columns of a `.csv` file; of matrices the upper triangle."""
     for name in records.dtype.names or ():
         values = records[name]
         if values.ndim == 2:

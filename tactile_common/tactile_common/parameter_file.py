@@ -1,4 +1,4 @@
-"""Parameter files of ROS 2, read without ROS: sections by names of nodes, with wildcards."""
+"""Reader of ROS 2 parameter files without ROS: sections by node names, with wildcards."""
 from collections.abc import Iterable, Iterator, Mapping
 import os
 import re
@@ -13,7 +13,7 @@ OF_ROS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
 
 
 class Parameter(NamedTuple):
-    """A parameter: its name, default and what the field says of it."""
+    """A parameter with its default and the type and metadata of its dataclass field."""
 
     name: str
     default: Any
@@ -23,7 +23,7 @@ class Parameter(NamedTuple):
 
 def parameters_of(configs: Iterable[type], given: Mapping[str, Any] | None = None
                   ) -> list[Parameter]:
-    """Every parameter that a node declares from dataclasses; `given` replace bad defaults."""
+    """Return every parameter that a node declares; values in `given` replace invalid defaults."""
     found: list[Parameter] = []
 
     def take(name: str, default: Any, kind: Any, metadata: Mapping) -> Any:
@@ -42,12 +42,12 @@ class ParameterFile:
     Parameters
     ----------
     path : path-like, optional
-        Without one there are none.
+        Without a path there are no sections.
 
     Raises
     ------
     ConfigurationError
-        It cannot be read, is no YAML, or has another form.
+        The file cannot be read, is not YAML, or has another structure.
     """
 
     def __init__(self, path: str | os.PathLike | None = None):
@@ -62,12 +62,12 @@ class ParameterFile:
         return ConfigurationError(f'parameter file {self.path}: {what}')
 
     def values(self, node: str) -> dict[str, Any]:
-        """Parameters for the node of a full name, such as `/tactile/driver`."""
+        """Return the parameters for a node by its full name, such as `/tactile/driver`."""
         return {key: value for section, values in self.sections if matches(section, node)
                 for key, value in values.items()}
 
     def config(self, node: str, config: type, given: Mapping[str, Any] | None = None) -> Any:
-        """Dataclass of the parameters for a node, those `given` first; ConfigurationError."""
+        """Build a node's configuration; `given` overrides the file; raises ConfigurationError."""
         values = {**self.values(node), **(given or {})}
         try:
             return built(config, lambda name, default, kind, metadata: checked(
@@ -76,7 +76,7 @@ class ParameterFile:
             raise (error if self.path is None else self.error(f'{node}: {error}')) from error
 
     def refuse_unknown(self, section: str, values: Iterable[str], known: Iterable[str]) -> None:
-        """ConfigurationError where a parameter of a section is none of the known ones."""
+        """Raise a ConfigurationError if a parameter of a section is unknown."""
         try:
             refuse_unknown(values, known)
         except ConfigurationError as error:
@@ -84,7 +84,7 @@ class ParameterFile:
 
 
 def refuse_unknown(names: Iterable[str], known: Iterable[str]) -> None:
-    """ConfigurationError with the nearest known name where one is not known, and none of ROS."""
+    """Raise a ConfigurationError, with the nearest known name, if a parameter is unknown."""
     known = set(known)
     for name in names:
         if name not in known and name.split('.')[0] not in OF_ROS:
@@ -113,7 +113,7 @@ def _flat(tree: Mapping, prefix: str = '') -> Iterator[tuple[str, Any]]:
 
 
 def matches(section: str, node: str) -> bool:
-    """Whether a name with the wildcards * (one part) and ** (any) is that of a node."""
+    """Return True if a section name with wildcards * (one part) and ** (any) matches a node."""
     parts = {'**': '(/[^/]+)*', '*': '/[^/]+'}
     pattern = ''.join(parts.get(part, f'/{re.escape(part)}') for part in section[1:].split('/'))
     return re.fullmatch(pattern, node) is not None

@@ -1,8 +1,8 @@
 """
-Polylines: their length, the points along them, the nearest place on them; all in metres.
+Polylines: length, points along them, nearest place on them; lengths are in metres.
 
-A station is the length of the way along a polyline from its first point. Every function is for
-kernels and for Python.
+A station is the arc length along a polyline from its first point. Every function can be called
+from kernels and from Python.
 """
 import math
 from typing import NamedTuple
@@ -13,20 +13,20 @@ from tactile_common.kernels import njit
 
 
 class Projection(NamedTuple):
-    """Nearest place of a polyline in the plane."""
+    """Nearest place on a polyline in the plane."""
 
     station: float
     x: float
     y: float
-    offset: float  # distance, positive where the point lies to the left of the way
-    left: float  # from the line of the (first) nearest chord: beyond its end less than offset
-    along_x: float  # unit direction of that chord; (0, 0) where no chord has a length
+    offset: float  # distance; positive if the point is to the left of the polyline
+    left: float  # distance from the line of the first nearest chord; beyond its end < offset
+    along_x: float  # unit direction of that chord; (0, 0) if all chords have zero length
     along_y: float
 
 
 @njit(cache=True)
 def arc_length(points: np.ndarray, first: float = 0.0) -> np.ndarray:
-    """Stations (N,) of the vertices (N, D) of a polyline, of which the first is at `first`."""
+    """Return the stations (N,) of the vertices (N, D) of a polyline that begins at `first`."""
     stations = np.empty(len(points))
     way = 0.0
     for k in range(len(points)):
@@ -43,9 +43,10 @@ def arc_length(points: np.ndarray, first: float = 0.0) -> np.ndarray:
 @njit(cache=True)
 def resample(points: np.ndarray, stations: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """
-    Points (M, D) of a polyline of vertices (N, D) at the wanted stations (M,), else its ends.
+    Interpolate the points (M, D) of a polyline at the wanted stations (M,).
 
-    The stations (N,) of the vertices ascend.
+    `points` (N, D) are the vertices, `stations` (N,) their ascending stations. Stations beyond the
+    ends give the end points.
     """
     found = np.empty((len(wanted), points.shape[1]))
     for axis in range(points.shape[1]):
@@ -59,19 +60,19 @@ def nearest_on_polyline(xs: np.ndarray, ys: np.ndarray, stations: np.ndarray, x:
     """
     Project a point onto a polyline in the plane.
 
-    Outside a corner two chords are equally near: the place is the same, and the side on which
-    the point lies is told by the chord that sees it more from the side.
+    Outside a corner two chords are equally near and have the same nearest place. The sign of the
+    offset then comes from the chord whose line has the larger distance to the point.
 
     Parameters
     ----------
     xs, ys : ndarray, shape (N,)
         Vertices; columns of a matrix or fields of records.
     stations : ndarray, shape (N,)
-        Of the vertices, ascending; also those of a polyline in space, seen from above.
+        Ascending stations of the vertices; may be those of a polyline in space, seen from above.
     x, y : float
         The point.
     first, last : float, optional
-        Only the chords between these stations are looked at.
+        Only the chords between these stations are used.
     """
     best, seen = np.inf, -1.0
     station, place_x, place_y, offset = max(first, stations[0]), x, y, 0.0

@@ -1,4 +1,4 @@
-"""One line of progress on a terminal, a line now and then in a log."""
+"""Progress display: one line on a terminal, occasional lines in a log."""
 from collections.abc import Iterator
 from contextlib import contextmanager
 import math
@@ -9,17 +9,17 @@ from typing import TextIO
 
 from tqdm import tqdm
 
-_QUIET_PERIOD = 2.0  # s between lines where the output is no terminal
+_QUIET_PERIOD = 2.0  # s between lines if the output is not a terminal
 
 
 class Progress(tqdm):
     """
     Progress bar of a total in any unit; use as a context manager.
 
-    Nothing is shown of what takes less than the delay [s]. The stream is sys.stderr if missing.
+    It shows nothing for tasks shorter than the delay [s]. The default stream is sys.stderr.
     """
 
-    monitor_interval = 0  # no thread beside
+    monitor_interval = 0  # no monitor thread
 
     def __init__(self, total: float, delay: float = 0.0, stream: TextIO | None = None):
         stream = stream or sys.stderr
@@ -30,25 +30,25 @@ class Progress(tqdm):
             bar_format='{desc:9} |{bar:30}| {percentage:3.0f} % {elapsed}<{remaining}{postfix}')
 
     def show(self, done: float, state: str, text: str = '') -> None:
-        """Show how much is done, the state and a text; what is NaN leaves the bar as it is."""
+        """Show the amount done, the state and a text; an amount of NaN does not move the bar."""
         self.set_description_str(state, refresh=False)
         self.set_postfix_str(text, refresh=False)
         if math.isfinite(done):
-            # Of next to nothing no time can be told that is left.
+            # At the very start the remaining time cannot be estimated.
             self.n = min(done, self.total) if done > 1e-3 * self.total else 0.0
         self.update(0)
 
     def display(self, msg: str | None = None, pos: int | None = None) -> bool:
-        """Draw the bar, in a log as a line of its own."""
+        """Draw the bar; in a log as a separate line."""
         self._drawn = True
         if self._terminal:
             return super().display(msg, pos)
-        if msg != '':  # which would erase the line
+        if msg != '':  # '' would erase the line
             self.fp.write(f'{self if msg is None else msg}\n')
         return False
 
     def close(self) -> None:
-        """Draw what there is at the end, if anything was drawn before."""
+        """Draw the final state if anything was drawn before."""
         if not self.disable and self._drawn and not self._terminal:
             self.display()
         super().close()
@@ -57,9 +57,9 @@ class Progress(tqdm):
 @contextmanager
 def live_progress(total: float) -> Iterator[Progress]:
     """
-    Progress of what logs to standard error, from this process or those that it starts meanwhile.
+    Show progress while this process and its child processes log to standard error.
 
-    On a terminal their lines are written above the bar, which they would cut into otherwise.
+    On a terminal the log lines are written above the bar, so that they do not break it.
     """
     if not sys.stderr.isatty():
         with Progress(total) as progress:
@@ -82,4 +82,4 @@ def live_progress(total: float) -> Iterator[Progress]:
         finally:
             sys.stderr.flush()
             os.dup2(terminal.fileno(), 2)
-            relaying.join(1.0)  # of a process that is still there no more is waited for
+            relaying.join(1.0)  # do not wait longer for a child process that still runs

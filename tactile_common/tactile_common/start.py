@@ -1,4 +1,4 @@
-"""Executables that end quietly when they are interrupted, even while they are still imported."""
+"""Entry points that end quietly when interrupted, even while modules are being imported."""
 from collections.abc import Callable
 import importlib
 import os
@@ -7,29 +7,30 @@ import sys
 from typing import Any
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
-INTERRUPTED = 'INTERRUPTED_STATUS'  # environment: exit status in place of the executable's own
+INTERRUPTED = 'INTERRUPTED_STATUS'  # environment variable with the exit status to use
 
 
 def executable(module: str, interrupted: int = 130) -> Callable[[], None]:
     """
     Return the entry point that imports a module and calls its `main`.
 
-    SIGINT and SIGTERM end it with the status `interrupted`, without a traceback: at once during
-    the imports, which take seconds on a loaded machine, and as a KeyboardInterrupt in `main`,
-    unless that takes the signals itself.
+    SIGINT and SIGTERM end it with status `interrupted` and without a traceback. During the
+    imports, which take seconds on a loaded machine, it ends at once. In `main` the signal raises a
+    KeyboardInterrupt, unless `main` handles signals itself.
 
     Parameters
     ----------
     module : str
-        Must be imported by nothing that the module of the entry point imports.
+        No module that the module of the entry point imports may import it.
     interrupted : int
-        0 for nodes, which are ended so. The environment variable INTERRUPTED_STATUS, which the
-        launch file sets, goes before: to launch, every other status is a process that has died.
+        Exit status; 0 for nodes, because a signal is their normal end. The environment variable
+        INTERRUPTED_STATUS, set by the launch file, overrides it: launch treats every other status
+        as a process that died.
     """
     def entry() -> None:
         status = int(os.environ.get(INTERRUPTED, interrupted))
         _handle(lambda *_: os._exit(status))
-        # The launch file starts its processes with SIGINT blocked: before this it would kill.
+        # The launch file blocks SIGINT: before the handler is set, the signal would kill.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
         main, ended = importlib.import_module(module).main, None
         try:
@@ -41,8 +42,7 @@ def executable(module: str, interrupted: int = 130) -> Callable[[], None]:
                 if status:
                     print(f'{module.rpartition(".")[2]}: interrupted', file=sys.stderr)
                 ended = status
-        # To take the heap apart, with all that numba keeps there, lasts seconds on a loaded
-        # machine, and is of no use.
+        # Skip the normal clean-up: to free numba's objects takes seconds on a loaded machine.
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(ended)
@@ -50,12 +50,12 @@ def executable(module: str, interrupted: int = 130) -> Callable[[], None]:
 
 
 def _interrupt(*_: Any) -> None:
-    _handle(_pass_over)  # one is enough; a second would interrupt the cleaning up
+    _handle(_pass_over)  # a second signal would interrupt the clean-up
     raise KeyboardInterrupt
 
 
 def _pass_over(*_: Any) -> None:
-    """Take a signal; where one comes as SIG_IGN is set, Python would write a line about it."""
+    """Ignore a signal. SIG_IGN would let Python print a line about a pending signal."""
 
 
 def _handle(handler: Callable[..., Any]) -> None:

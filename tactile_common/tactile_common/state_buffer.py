@@ -1,4 +1,4 @@
-"""The last states of something that moves, by their stamps, and those in between."""
+"""Buffer of the last stamped states of something that moves, with interpolation."""
 from collections import deque
 from collections.abc import Callable
 import math
@@ -8,24 +8,25 @@ import numpy as np
 
 State = TypeVar('State')
 NS = 1_000_000_000
-ONWARD = 10  # spans of the last two states that their motion is believed to go on for
+ONWARD = 10  # extrapolate at most this multiple of the time between the last two states
 
 
 class StateBuffer(Generic[State]):
     """
-    The last states, as many as `size`, by their stamps, and those in between.
+    The last `size` states by their stamps, with interpolation and extrapolation.
 
     Parameters
     ----------
     between : callable
-        Of two states and a share: the state on the way from one to the other, 0 to 1, or beyond.
+        Takes two states and a share. Returns the state at this share of the way from the first to
+        the second: 0 to 1, or beyond.
     max_gap_ns : float
-        Between states farther apart nothing is interpolated.
+        States farther apart than this are not interpolated.
     max_ahead_ns : int
-        How much newer than the newest state a stamp may be: the motion of the last two goes on
-        for so long, and for `ONWARD` times what is between them.
+        How much newer than the newest state a stamp may be. The motion of the last two states is
+        extrapolated for this time, and at most for `ONWARD` times the time between them.
     restart_ns : int
-        A stamp older than the newest by this, or by more, means that the clock went back.
+        A stamp at least this much older than the newest means that the clock went back.
     """
 
     def __init__(self, between: Callable[[State, State, float], State], *, size: int,
@@ -36,23 +37,23 @@ class StateBuffer(Generic[State]):
         self.newest_ns: int | None = None
 
     def __len__(self) -> int:
-        """States that are kept."""
+        """Return the number of states."""
         return len(self._states)
 
     def clear(self) -> None:
-        """Forget all states."""
+        """Remove all states."""
         self._states.clear()
         self.newest_ns = None
 
     def went_back(self, stamp_ns: int) -> bool:
-        """Whether the clock has been set back, or a recording has begun anew, by a stamp."""
+        """Return True if a stamp shows that the clock was set back or a recording restarted."""
         return self.newest_ns is not None and stamp_ns <= self.newest_ns - self._restart_ns
 
     def add(self, stamp_ns: int, state: State) -> bool:
         """
-        Add a state; False, and it is left out, if it is no later than the newest.
+        Add a state; return False and ignore it if it is not newer than the newest.
 
-        Where the clock went back, what was before belongs to another time and is forgotten.
+        If the clock went back, the earlier states belong to another time and are removed.
         """
         if self.newest_ns is not None and stamp_ns <= self.newest_ns:
             if not self.went_back(stamp_ns):
@@ -63,7 +64,7 @@ class StateBuffer(Generic[State]):
         return True
 
     def at(self, stamp_ns: int) -> State | None:
-        """State at a stamp; None where there are none close enough."""
+        """Return the state at a stamp; None if no states are close enough."""
         if self.newest_ns is None or stamp_ns > self.newest_ns + self._max_ahead_ns:
             return None
         later_ns, later = self._states[-1]
@@ -89,9 +90,9 @@ class StateBuffer(Generic[State]):
 
 class PoseBuffer(StateBuffer[np.ndarray]):
     """
-    The last poses (4, 4), as many as `size`; none between those `max_gap` apart [s].
+    The last `size` poses (4, 4); no interpolation if they are more than `max_gap` [s] apart.
 
-    One that is ten gaps older than the newest is of a recording that begins anew.
+    A pose that is ten gaps older than the newest means that a recording restarted.
     """
 
     def __init__(self, max_gap: float = 0.1, size: int = 500):
@@ -101,9 +102,9 @@ class PoseBuffer(StateBuffer[np.ndarray]):
 
 def pose_between(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:
     """
-    Pose (4, 4) on the way between two: position and rotation each at constant velocity.
+    Interpolate two poses (4, 4): position and rotation each at constant velocity.
 
-    Half a turn between them has no direction; neither is there one in practice.
+    The direction of a rotation by half a turn is undefined; this does not occur in practice.
     """
     pose = one.copy()
     pose[:3, 3] += share * (other[:3, 3] - one[:3, 3])

@@ -1,4 +1,4 @@
-"""Rows of numbers in a text file (`.csv`), a few at a time."""
+"""Reader of numbers in a text file (`.csv`), a few rows at a time."""
 
 from collections.abc import Iterator
 import os
@@ -8,22 +8,22 @@ import numpy as np
 from tactile_common.errors import ConfigurationError
 
 MAX_LINE = 4 << 20  # bytes
-_SEPARATORS = (b',', b';', b'\t')  # else white space
+_SEPARATORS = (b',', b';', b'\t')  # otherwise white space
 _BYTE_ORDER_MARK = b'\xef\xbb\xbf'
-_WHOLE = b'0123456789+-,; \t\r\n'  # characters of integers and what separates them
+_WHOLE = b'0123456789+-,; \t\r\n'  # characters of integers and separators
 
 
 class TableReader:
     """
-    A table in a text file, in chunks of rows; it has what an `ArrayReader` has.
+    A table in a text file, read in chunks of rows; same interface as `ArrayReader`.
 
-    Commas, semicolons, tabs or blanks separate the numbers. The first line may be a header; empty
-    lines and those that begin with # are left out. The type is that of integers if all are.
+    Commas, semicolons, tabs or blanks separate the numbers. The first line may be a header. Empty
+    lines and lines that begin with # are ignored. The type is integer if all numbers are integers.
 
     Raises
     ------
     ConfigurationError
-        The file cannot be read, has no row, or a line is none of as many numbers as the first.
+        The file cannot be read, has no row, or a line has not as many numbers as the first.
     """
 
     def __init__(self, path: str | os.PathLike):
@@ -47,7 +47,7 @@ class TableReader:
         self.dtype = np.dtype(np.int64 if whole else np.float64)
 
     def chunks(self, rows: int) -> Iterator[np.ndarray]:
-        """Yield the table in order, `rows` at a time, the last ones fewer; errors as above."""
+        """Yield chunks of `rows` rows (the last may be shorter); raises a ConfigurationError."""
         part = []
         for number, line in self._lines():
             if number == self._header:
@@ -67,7 +67,7 @@ class TableReader:
             yield np.array(part).astype(self.dtype)
 
     def _lines(self) -> Iterator[tuple[int, bytes]]:
-        """Lines that count, and their numbers from 1."""
+        """Yield the lines with content and their numbers from 1."""
         try:
             with open(self._path, 'rb') as stream:
                 number = 0

@@ -1,4 +1,4 @@
-"""YAML files of strangers: bounded before anything in them is expanded."""
+"""Reader of untrusted YAML files, checked against limits before anything is expanded."""
 from collections.abc import Iterable
 import os
 from typing import Any
@@ -7,25 +7,25 @@ import yaml
 
 from tactile_common.errors import ConfigurationError
 
-MAX_BYTES = 1 << 20  # of a file; a table of 256 x 256 numbers has half of it
+MAX_BYTES = 1 << 20  # of a file; a table of 256 x 256 numbers takes half of it
 MAX_NODES = 70_000  # keys, values, lists and mappings of a file
-MAX_DEPTH = 32  # of lists and mappings in each other
+MAX_DEPTH = 32  # nested lists and mappings
 MAX_SCALAR = 10_000  # characters of one key or value
-# The parser in C, where PyYAML has it, is ten times as fast; both refuse the same files.
+# The C parser, if PyYAML has it, is ten times as fast; both refuse the same files.
 _Loader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 
 
 def read_yaml(path: str | os.PathLike) -> Any:
     """
-    Return what a YAML file holds: plain Python values.
+    Return the contents of a YAML file as plain Python values.
 
-    Refused are aliases, by which some hundred bytes name more values than a memory holds, and
-    files beyond the bounds of this module.
+    Aliases are refused, because a hundred bytes of them can expand to more values than memory
+    holds. Files that exceed the limits of this module are refused too.
 
     Raises
     ------
     ConfigurationError
-        The file cannot be read, is no YAML or is out of bounds: one line without its name.
+        The file cannot be read, is not YAML or exceeds a limit; one line without the file name.
     """
     try:
         with open(path, 'rb') as stream:
@@ -49,7 +49,7 @@ def read_yaml(path: str | os.PathLike) -> Any:
 
 
 def _check(events: Iterable[yaml.Event]) -> None:
-    """Refuse a stream of events before a value is made of it."""
+    """Refuse a stream of events before any value is made from it."""
     nodes = depth = 0
     for event in events:
         line = event.start_mark.line + 1

@@ -1,4 +1,4 @@
-"""What a recording of a stranger may ask for: checked before it is expanded."""
+"""Size limits of untrusted recordings, checked before anything is expanded."""
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -8,13 +8,13 @@ from rosbags.rosbag2 import ReaderError, storage_mcap
 
 from tactile_common.errors import ConfigurationError
 
-MAX_CHUNK = 64 << 20  # bytes of a chunk of MCAP, decompressed; writers make them of 1 to 4 MB
-MAX_DEFINITION = 128 << 10  # characters of a message definition with all that it contains
-MAX_VALUES = 10_000  # of a message whose sequences are empty; an array of numbers counts once
+MAX_CHUNK = 64 << 20  # bytes of a decompressed MCAP chunk; writers use 1 to 4 MB
+MAX_DEFINITION = 128 << 10  # characters of a message definition with nested types
+MAX_VALUES = 10_000  # of a message with empty sequences; an array of numbers counts once
 
 
 def bound_chunks() -> None:
-    """Let the reader of MCAP decompress no more than a chunk says, and `MAX_CHUNK` at most."""
+    """Limit the MCAP reader to the size that a chunk declares, and to `MAX_CHUNK`."""
     storage_mcap.DECOMPRESSORS['lz4'] = _bounded(LZ4FrameDecompressor)
     storage_mcap.DECOMPRESSORS['zstd'] = _bounded(storage_mcap.zstd.ZstdDecompressor)
 
@@ -24,7 +24,7 @@ def _bounded(make: Callable[[], Any]) -> Callable[[bytes, int], bytes]:
         if size > MAX_CHUNK:
             raise ReaderError(
                 f'a chunk of {size / 1e6:.0f} MB, at most {MAX_CHUNK / 1e6:.0f} MB are read')
-        try:  # one byte more shows a chunk that is larger than it says
+        try:  # one more byte reveals a chunk larger than declared
             return make().decompress(data, max_length=size + 1)
         except (storage_mcap.zstd.ZstdError, RuntimeError, EOFError) as error:
             raise ReaderError(f'a chunk of {len(data)} bytes is damaged: {error}') from error
@@ -32,7 +32,7 @@ def _bounded(make: Callable[[], Any]) -> Callable[[bytes, int], bytes]:
 
 
 def check_text(name: str, text: str) -> None:
-    """Refuse the text of a definition that is too long; ConfigurationError."""
+    """Raise a ConfigurationError if the text of a message definition is too long."""
     if len(text) > MAX_DEFINITION:
         raise ConfigurationError(f'the definition of {name} has {len(text)} characters, at most '
                                  f'{MAX_DEFINITION} are read')
@@ -40,9 +40,9 @@ def check_text(name: str, text: str) -> None:
 
 def check_types(types: Mapping[str, Any], known: Mapping[str, Any]) -> None:
     """
-    Refuse types, as rosbags' parsers give them, of messages with too many values.
+    Refuse message types, as parsed by rosbags, that have too many values.
 
-    `known` are those that they may contain. Raises a ConfigurationError.
+    `known` are the types that they may contain. Raises a ConfigurationError.
     """
     everything = {**known, **types}
     counts: dict[str, int] = {}

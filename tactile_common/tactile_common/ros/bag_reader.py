@@ -1,4 +1,4 @@
-"""Reading rosbag2 recordings topic by topic; needs rosbags, and no running ROS."""
+"""Reader of rosbag2 recordings by topic; needs rosbags, but no running ROS."""
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -28,21 +28,21 @@ class Recorded(NamedTuple):
     """A message of a recording."""
 
     topic: str
-    received_ns: int  # time of its reception
-    message: Any  # with the fields of its type; sequences of numbers are numpy arrays
+    received_ns: int  # time of reception
+    message: Any  # has the fields of its type; sequences of numbers are numpy arrays
 
 
 class Bag:
     """
-    A rosbag2 recording, a folder or one of its .mcap or .db3 files, open in a `with` statement.
+    A rosbag2 recording: a folder, or one .mcap or .db3 file; use in a `with` statement.
 
-    Messages are read by the definitions in the bag, where it has them, else by the installed
-    ones, and one after the other: a bag may be larger than the memory.
+    Messages are decoded with the definitions in the bag, or with the installed ones if the bag has
+    none. They are read one by one, so a bag may be larger than memory.
 
     Raises
     ------
     ConfigurationError
-        There is no such bag, or it is damaged.
+        The bag does not exist or is damaged.
     """
 
     def __init__(self, path: str | PathLike):
@@ -50,7 +50,7 @@ class Bag:
         with self.clear_errors():
             bound_chunks()
             if (self.path / 'metadata.yaml').exists():
-                read_yaml(self.path / 'metadata.yaml')  # refuses what must not be expanded
+                read_yaml(self.path / 'metadata.yaml')  # checks the limits before rosbags reads it
             self._reader = open_whole(self.path)
             self._topics = {connection.topic: connection.msgtype
                             for connection in self._reader.connections}
@@ -69,12 +69,12 @@ class Bag:
 
     @property
     def span(self) -> tuple[int, int]:
-        """When the first and the last message were received [ns]; 0, 0 without any."""
+        """Reception times of the first and last message [ns]; (0, 0) for an empty bag."""
         reader = self._reader
         return (reader.start_time, reader.end_time) if reader.message_count else (0, 0)
 
     def namespaces(self, types: Mapping[str, str]) -> dict[str, set[str]]:
-        """Return what each namespace holds, in order, of some names with their types."""
+        """Return for each namespace, in order, which of the given names and types it contains."""
         found = defaultdict(set)
         for topic, kind in sorted(self.topics.items()):
             prefix, _, name = topic.rpartition('/')
@@ -84,9 +84,10 @@ class Bag:
 
     def namespace_of(self, types: Mapping[str, str], wanted: str | None = None) -> str:
         """
-        Return the namespace that has all of some names with their types, '' or with its slash.
+        Return the namespace that has all named topics with their types: '' or with a slash.
 
-        ConfigurationError where that wanted lacks one, or none is wanted and several have all.
+        Raises a ConfigurationError if the wanted namespace lacks a topic. Without a wanted
+        namespace, exactly one must have all topics.
         """
         found = [prefix for prefix, names in self.namespaces(types).items()
                  if names == set(types)]
@@ -104,7 +105,7 @@ class Bag:
         return found[0]
 
     def count(self, topic: str) -> int:
-        """Return how many messages of a topic there are."""
+        """Return the number of messages of a topic."""
         return sum(connection.msgcount for connection in self._reader.connections
                    if connection.topic == topic)
 
@@ -112,9 +113,9 @@ class Bag:
         """
         Yield the messages of some topics in the order of their reception.
 
-        Topics that the bag lacks are ignored. Of `raw` messages are the bytes, for who sends them
-        on. ConfigurationError of a damaged bag: one line with its path and, of a damaged message,
-        its topic and time.
+        Topics that the bag lacks are ignored. With `raw`, the messages are bytes that can be
+        forwarded. A damaged bag raises a ConfigurationError of one line with its path; for a
+        damaged message the line contains its topic and time.
         """
         wanted = [connection for connection in self._reader.connections
                   if connection.topic in topics]
@@ -122,7 +123,7 @@ class Bag:
             for connection in wanted:
                 self._learn(connection)
             missing = sum(connection.msgcount for connection in wanted)
-            last, silence, where = 0, 0, 0  # of the widest silence, where something may be lost
+            last, silence, where = 0, 0, 0  # longest gap: messages may be lost there
             for connection, time_ns, data in self._rows(wanted):
                 missing -= 1
                 if last and time_ns - last > silence:
@@ -132,7 +133,7 @@ class Bag:
                 yield row if raw else Recorded(*row[:2], self.unpacked(row))
             if self._reader.cut:
                 raise ConfigurationError(self._reader.cut)
-            if missing > 0:  # the reader skips what it does not understand
+            if missing > 0:  # the reader skips records that it does not understand
                 raise ConfigurationError(
                     f'{missing} messages in it are lost, where it is silent longest from '
                     f'{1e-9 * where:.3f} s on')
@@ -148,7 +149,7 @@ class Bag:
                 f'cannot be read on from {1e-9 * last:.3f} s: {_one_line(error)}') from error
 
     def damaged(self, topic: str, time_ns: int, error: Exception) -> ConfigurationError:
-        """Return the error that says in one line which message cannot be read, and why."""
+        """Return the one-line error that says which message cannot be read, and why."""
         if isinstance(error, AttributeError):
             return ConfigurationError(
                 f'bag {self.path}: messages on {topic} are of another version of '
@@ -158,21 +159,21 @@ class Bag:
             f'another kind: {_one_line(error)}')
 
     def unpacked(self, row: Recorded) -> Any:
-        """Return the message of one that was read raw; ConfigurationError where it is damaged."""
+        """Decode a raw message; raises a ConfigurationError if it is damaged."""
         try:
             return deserialised(self._types, self.topics[row.topic], row.message)
         except DAMAGE as error:
             raise self.damaged(row.topic, row.received_ns, error) from error
 
     def stamp_ns(self, row: Recorded) -> int:
-        """Return the stamp of the header that one which was read raw begins with, likewise."""
+        """Return the header's stamp of a raw message; ConfigurationError if it is damaged."""
         try:
             return stamp_of(row.message)
         except DAMAGE as error:
             raise self.damaged(row.topic, row.received_ns, error) from error
 
     def is_of_type(self, topic: str, kind: type) -> bool:
-        """Whether the bytes of a topic are a message class as installed, so can be sent on."""
+        """Return True if a topic has the installed message class: its bytes can be forwarded."""
         name, text, _ = definition_of(kind)
         if self.topics[topic] != name:
             return False
@@ -180,7 +181,7 @@ class Bag:
             for connection in self._reader.connections:
                 if connection.topic == topic:
                     self._learn(connection)
-        there = self._types.fielddefs  # constants, and fields, which alone are sent
+        there = self._types.fielddefs  # constants and fields; only fields are sent
         return all(part in there and there[part][1] == fields
                    for part, (_, fields) in get_types_from_msg(text, name).items())
 
@@ -202,7 +203,7 @@ class Bag:
 
     @contextmanager
     def clear_errors(self) -> Iterator[None]:
-        """Turn whatever a damaged recording raises into a ConfigurationError of one line."""
+        """Convert any error of a damaged recording into a ConfigurationError of one line."""
         try:
             yield
         except ConfigurationError as error:

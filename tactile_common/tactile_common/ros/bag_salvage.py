@@ -1,4 +1,4 @@
-"""Reading what is whole of a bag that its recorder could not finish."""
+"""Reader of the intact part of a bag that its recorder did not finish."""
 from collections.abc import Collection, Generator
 from pathlib import Path
 
@@ -12,9 +12,9 @@ _HEADER = 9  # bytes of an opcode and a length
 
 
 class _WholePart(McapReader):
-    """Reader of an MCAP file, of one without its end up to where it was cut."""
+    """Reader of an MCAP file; a truncated file is read up to its last whole record."""
 
-    cut = ''  # what is wrong, of one that was
+    cut = ''  # description of the truncation, if any
 
     def _open(self) -> None:
         try:
@@ -41,12 +41,12 @@ class _WholePart(McapReader):
 
     def messages(self, connections: Collection[Connection], start: int | None = None,
                  stop: int | None = None) -> Generator[tuple[Connection, int, bytes], None, None]:
-        """Read messages, of a file that was cut in the order in which they were written."""
+        """Read messages; those of a truncated file come in the order of writing."""
         read = self.messages_scan if self.cut else super().messages
         yield from read(connections, start, stop)
 
     def _find_end(self) -> None:
-        """Set where the last whole record ends."""
+        """Set `data_end` to the end of the last whole record."""
         assert self.bio
         size, self.data_end = self.path.stat().st_size, self.data_start
         while True:
@@ -65,22 +65,22 @@ class _Folder(DirectoryReader):
 
 class WholeReader(Reader):
     """
-    Reader of a bag; `cut` says where it ends too early.
+    Reader of a bag; `cut` says where a truncated bag ends.
 
-    A folder without its metadata is that of a recorder which was killed: its file is read.
+    A recorder that was killed leaves a folder without metadata; then its file is read.
     """
 
     STORAGE_PLUGINS = {'dir': _Folder, '.mcap': _WholePart, '.db3': Sqlite3Reader}
 
     @property
     def cut(self) -> str:
-        """Where the bag ends too early, and why that is known; empty if it does not."""
+        """Where the bag is truncated, and how this is known; empty if it is complete."""
         storages = getattr(self.storage, 'storages', [self.storage])
         return '; '.join(filter(None, (getattr(storage, 'cut', '') for storage in storages)))
 
 
 def open_whole(path: Path) -> WholeReader:
-    """Open a bag, also one that was cut."""
+    """Open a bag, complete or truncated."""
     if path.is_dir() and not (path / 'metadata.yaml').exists():
         files = sorted(path.glob('*.mcap'))
         if len(files) == 1:

@@ -1,8 +1,8 @@
 """
-Messages between Python and the bytes that go over the wire (CDR).
+Conversion between Python messages and their serialised bytes (CDR).
 
-rosbags reads them several times as fast as rclpy, whose messages check every field:
-`python3 -m benchmarks.latency.shortcuts` shows what that is of the servo's cycle.
+rosbags deserialises several times faster than rclpy, whose messages check every field.
+`python3 -m benchmarks.latency.shortcuts` measures the share of this in the servo's cycle.
 """
 from collections.abc import Iterable
 from functools import cache
@@ -20,31 +20,31 @@ from tactile_common.errors import TactileError
 from tactile_common.ros.message_definitions import definition_of
 from tactile_common.state_buffer import NS
 
-HEAD = b'\0\1\0\0'  # of plain CDR, little endian; offsets count from behind it
-# What a damaged message raises, or one that lacks a field.
+HEAD = b'\0\1\0\0'  # header of plain CDR, little endian; offsets are counted from its end
+# Exceptions of a message that is damaged or lacks a field.
 DAMAGE = (SerdeError, StructError, LookupError, AttributeError, TypeError, ValueError,
           OverflowError, MemoryError, RecursionError)
-_DTYPES = {'char': 'uint8'}  # others are named alike
+_DTYPES = {'char': 'uint8'}  # the other types have the same name in numpy
 _installed = get_typestore(Stores.EMPTY)
 
 
 def register(types: Typestore, found: dict[str, Any]) -> None:
-    """Add types to a store, those that it has already excepted."""
+    """Add types to a store, except those that it already has."""
     types.register({name: fields for name, fields in found.items()
                     if name not in types.fielddefs})
 
 
 def deserialised(types: Typestore, name: str, data: Any) -> Any:
     """
-    Return the message of a known type that bytes hold; sequences of numbers are ndarrays.
+    Decode the bytes of a message of a known type; sequences of numbers become ndarrays.
 
-    Bytes after the last value are ignored, unlike by rosbags' deserialize_cdr: some middlewares
-    write them after an empty sequence of doubles.
+    Bytes after the last value are ignored, unlike in rosbags' deserialize_cdr, because some
+    middlewares write them after an empty sequence of doubles.
 
     Raises
     ------
     One of `DAMAGE`
-        The bytes are no such message.
+        The bytes are not a message of this type.
     """
     encoding, little_endian = bytes(data[:2])
     if encoding or little_endian > 1:
@@ -55,17 +55,17 @@ def deserialised(types: Typestore, name: str, data: Any) -> Any:
 
 
 def stamp_of(data: Any) -> int:
-    """Stamp [ns] of the header that a message's bytes begin with; one of `DAMAGE` if too few."""
+    """Return the header's stamp [ns] of a message's bytes; one of `DAMAGE` if they are too few."""
     seconds, rest = unpack_from('<iI' if data[1] else '>iI', data, len(HEAD))
     return int(seconds * NS + rest)
 
 
 def unpacked(raw: bytes, kind: type) -> Any:
     """
-    Return what is in the bytes of a raw subscription, with the fields of a message of that kind.
+    Decode the bytes of a raw subscription into an object with the fields of that message type.
 
-    Its arrays can be written to. TactileError of bytes that are no such message, which the
-    middleware would pass over.
+    Its arrays are writable. Invalid bytes, which the middleware would silently ignore, raise a
+    TactileError.
     """
     try:
         return deserialised(_installed, known(kind), bytearray(raw))
@@ -74,17 +74,17 @@ def unpacked(raw: bytes, kind: type) -> Any:
 
 
 def packed(message: Any) -> bytes:
-    """Return the bytes of a message of rclpy's: always the same, which leaves chance in gaps."""
+    """Serialise an rclpy message; padding bytes are always the same, not random."""
     kind: Any = type(message)
     name = known(kind)
     try:
         return bytes(_installed.serialize_cdr(message, name))
-    except AttributeError:  # a sequence of numbers, which rosbags awaits as an ndarray
+    except AttributeError:  # rosbags expects sequences of numbers as ndarrays
         return bytes(_installed.serialize_cdr(_with_arrays(message, name), name))
 
 
 def _with_arrays(message: Any, name: str) -> Any:
-    """Message of rosbags' class of a type with the values of one, sequences of numbers arrays."""
+    """Convert a message to rosbags' class of its type, with ndarrays for sequences of numbers."""
     fields: Any = _installed.fielddefs[name][1]
     values = []
     for field, (node, detail) in fields:
@@ -103,7 +103,7 @@ def _with_arrays(message: Any, name: str) -> Any:
 
 @cache
 def known(kind: type) -> str:
-    """Name of an installed type, which is registered and has its readers from here on."""
+    """Register an installed type, create its reader and return its name."""
     name, text, _ = definition_of(kind)
     register(_installed, get_types_from_msg(text, name))
     _installed.get_msgdef(name)
@@ -112,9 +112,9 @@ def known(kind: type) -> str:
 
 def padded(codes: Iterable[str]) -> Struct:
     """
-    Values one after the other, each at a multiple of its size.
+    Return a Struct of values in sequence, each aligned to a multiple of its size.
 
-    Codes are those of `struct`, one letter each; of bytes a count and `s`.
+    Codes are those of `struct`, one letter each; for bytes, a count and `s`.
     """
     parts, at = ['<'], 0
     for code in codes:

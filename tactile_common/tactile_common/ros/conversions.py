@@ -1,4 +1,4 @@
-"""Between ROS messages of time and place and what the core reckons with."""
+"""Conversions between ROS messages of time and pose and the values used by the core."""
 import math
 from typing import Any
 
@@ -11,31 +11,32 @@ from tactile_common.state_buffer import NS
 
 
 def set_stamp(stamp: Any, nanoseconds: int) -> None:
-    """Set a stamp, or a duration, to an instant [ns]."""
+    """Set the fields of a stamp or duration to a time [ns]."""
     stamp.sec, stamp.nanosec = divmod(nanoseconds, NS)
 
 
 def stamp_from_ns(nanoseconds: int) -> Time:
-    """Return the stamp of an instant [ns]."""
+    """Return the stamp of a time [ns]."""
     seconds, rest = divmod(int(nanoseconds), NS)
     return Time(sec=seconds, nanosec=rest)
 
 
 def stamp_to_ns(stamp: Any) -> int:
-    """Return a stamp, or a duration, as nanoseconds."""
+    """Convert a stamp or duration to nanoseconds."""
     return stamp.sec * NS + stamp.nanosec
 
 
 def stamp_to_seconds(stamp: Any) -> float:
-    """Return a stamp, or a duration, as seconds."""
+    """Convert a stamp or duration to seconds."""
     return stamp.sec + 1e-9 * stamp.nanosec
 
 
 def pose_from_msg(pose: Any) -> np.ndarray:
     """
-    Return a geometry_msgs/Pose as a homogeneous transform (4, 4) [m].
+    Convert a geometry_msgs/Pose to a homogeneous transform (4, 4) [m].
 
-    TactileError if the quaternion's length is not 1 within 1e-3, or a number not finite.
+    Raises a TactileError if the length of the quaternion differs from 1 by more than 1e-3, or if a
+    number is not finite.
     """
     x, y, z, w = (getattr(pose.orientation, axis) for axis in 'xyzw')
     position = tuple(getattr(pose.position, axis) for axis in 'xyz')
@@ -53,7 +54,7 @@ def pose_from_msg(pose: Any) -> np.ndarray:
 
 
 def pose_to_msg(matrix: np.ndarray, into: Pose | None = None) -> Pose:
-    """Return the Pose message of a homogeneous transform (4, 4) [m]; of NaN, one of NaN."""
+    """Convert a homogeneous transform (4, 4) [m] to a Pose message; NaN values stay NaN."""
     pose = Pose() if into is None else into
     place, turn = pose.position, pose.orientation
     place.x, place.y, place.z = matrix[:3, 3].tolist()
@@ -62,7 +63,7 @@ def pose_to_msg(matrix: np.ndarray, into: Pose | None = None) -> Pose:
 
 
 def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
-    """Return the quaternion (x, y, z, w) of a rotation matrix (3, 3), by its largest component."""
+    """Convert a rotation matrix (3, 3) to a quaternion (x, y, z, w), by its largest component."""
     (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
     squares = (1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i, 1.0 + a + e + i)
     if not all(map(math.isfinite, squares)):

@@ -1,4 +1,4 @@
-"""A ROS domain of one's own, so that graphs which run at the same time do not hear each other."""
+"""Reserves a separate ROS domain, so that graphs that run at the same time stay separate."""
 import os
 import socket
 
@@ -8,20 +8,20 @@ _held: list[socket.socket] = []
 
 def hold_domain() -> int:
     """
-    Return a ROS domain that no other process on this machine has taken by this function.
+    Reserve and return a ROS domain that no other process on this machine holds.
 
-    It is held until the process ends; domains in which something listens are passed over.
-    RuntimeError if none is left.
+    The domain is held until the process ends. Domains with a listening participant are skipped.
+    Raises a RuntimeError if none is left.
     """
     first = os.getpid() % len(DOMAINS)
     for domain in (*DOMAINS[first:], *DOMAINS[:first]):
-        # A name without a file: it reaches as far as DDS on this machine, the network namespace,
-        # and goes with the process.
+        # An abstract socket has no file. Its scope is the network namespace, like that of DDS,
+        # and it disappears with the process.
         lock = socket.socket(socket.AF_UNIX)
         try:
             lock.bind(f'\0ros_domain_{domain}')
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-                probe.bind(('', 7400 + 250 * domain))  # where DDS looks for participants
+                probe.bind(('', 7400 + 250 * domain))  # DDS discovery port
         except OSError:
             lock.close()
             continue

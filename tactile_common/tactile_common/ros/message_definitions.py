@@ -1,4 +1,4 @@
-"""What a recording must say of the types of its messages."""
+"""Definitions of message types, as stored in recordings."""
 from functools import cache
 import json
 from pathlib import Path
@@ -15,8 +15,8 @@ class MessageDefinition(NamedTuple):
     """Definition of a message type."""
 
     name: str  # for instance 'std_msgs/msg/Header'
-    text: str  # its .msg file and those of all types in it, comments included
-    digest: str  # its hash RIHS01
+    text: str  # its .msg file and those of all nested types, with comments
+    digest: str  # its RIHS01 hash
 
 
 def type_name(message_class: type) -> str:
@@ -25,7 +25,7 @@ def type_name(message_class: type) -> str:
 
 
 def definition_of(message_class: type) -> MessageDefinition:
-    """Return the definition of a message class; ConfigurationError as `definition`."""
+    """Return the definition of a message class; ConfigurationError if it is not installed."""
     return definition(type_name(message_class))
 
 

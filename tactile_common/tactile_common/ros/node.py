@@ -1,4 +1,4 @@
-"""Node that survives what its middleware refuses to send, and says so in its diagnostics."""
+"""Node that survives errors of the middleware and reports them in its diagnostics."""
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -20,7 +20,7 @@ from rclpy.subscription import RCLError, Subscription
 from tactile_common.ros.cdr import known
 
 DIAGNOSTICS_PERIOD = 1.0  # s
-PARTS = ('tactile_common', 'numpy', 'scipy', 'numba')  # whose versions are told
+PARTS = ('tactile_common', 'numpy', 'scipy', 'numba')  # versions are published
 
 
 @cache
@@ -33,7 +33,7 @@ def _versions() -> str:
 
 
 class _SurvivingPublisher(Publisher):
-    """Publisher that gives an error of rcl to `on_error` of its node."""
+    """Publisher that passes errors of rcl to `on_error`."""
 
     on_error: Any = None
 
@@ -48,25 +48,25 @@ class _SurvivingPublisher(Publisher):
 
 class TactileNode(Node):
     """
-    Node that counts messages which could not be sent, instead of dying of them.
+    Node that counts messages that cannot be sent, and continues.
 
-    Now and then the middleware refuses one ("cannot publish data") as readers come and go; the
-    next usually goes out. What else of rcl fails within a callback, such as the answer of a
-    service, `tactile_common.ros.runner.spin` hands over to `count_error`.
+    The middleware occasionally refuses a message ("cannot publish data") while readers come and
+    go; the next one is usually sent. `tactile_common.ros.runner.spin` passes other errors of rcl
+    in callbacks, such as the answer of a service, to `count_error`.
 
-    `diagnose` publishes on `/diagnostics`, where aggregators listen; a node with something to say
-    redefines `_on_diagnose`, which is called every second of steady time.
+    `diagnose` publishes on `/diagnostics`, where aggregators listen. A node with its own
+    diagnostics overrides `_on_diagnose`, which is called every second of steady time.
 
-    What it runs with is told on `parameters`, latched, when it has begun and after every change,
-    so that recordings hold it: all its parameters, the command that has started it, and the
-    versions of what it is made of.
+    The topic `parameters` (latched) contains all parameters of the node, the command that started
+    it, and the versions of its libraries. It is published after the start and after every change,
+    so that recordings contain it.
 
     Attributes
     ----------
     texts : dict of str
-        Told in place of parameters that may name a file: what is in it.
+        Contents of files, published in place of the parameters that name these files.
     errors : int
-        Messages, answers and the like that could not be sent.
+        Number of messages, answers and the like that could not be sent.
     """
 
     errors = 0
@@ -85,7 +85,7 @@ class TactileNode(Node):
             clock_type=ClockType.STEADY_TIME))
 
     def _on_begin(self) -> None:
-        """Tell all parameters, which are declared by now, and again when they change."""
+        """Publish all parameters, which are now declared, and again after every change."""
         self.destroy_timer(self._begin)
         self.add_post_set_parameters_callback(lambda _: self._tell_parameters())
         self._tell_parameters()
@@ -102,15 +102,15 @@ class TactileNode(Node):
     @property
     def starting(self) -> bool:
         """
-        Whether it is so early that an input that is not there yet is nothing to warn of.
+        True during the first 20 s, when a missing input does not need a warning.
 
-        The nodes of a launch start side by side, and some have kernels to load.
+        The nodes of a launch start at the same time, and some must load kernels.
         """
         return time.monotonic() - self._begun < 20.0
 
     def create_publisher(self, *arguments: Any, publisher_class: type = _SurvivingPublisher,
                          **kwargs: Any) -> Publisher:
-        """As of every node; what cannot be published is counted."""
+        """Create a publisher that counts messages that cannot be sent."""
         publisher = super().create_publisher(
             *arguments, publisher_class=publisher_class, **kwargs)
         if isinstance(publisher, _SurvivingPublisher):
@@ -119,13 +119,13 @@ class TactileNode(Node):
 
     def create_subscription(self, msg_type: type, *arguments: Any, raw: bool = False,
                             **kwargs: Any) -> Subscription:
-        """As of every node; the readers of raw messages are made now, not at the first one."""
+        """Create a subscription; the decoder of raw messages is made now, not at the first one."""
         if raw:
             known(msg_type)
         return super().create_subscription(msg_type, *arguments, raw=raw, **kwargs)
 
     def count_error(self, error: Exception, what: str = '') -> None:
-        """Count and tell an error of rcl; raise it again where the context is shut down."""
+        """Count and log an error of rcl; raise it again if the context is shut down."""
         if not self.context.ok():
             raise error
         self.errors += 1
@@ -135,7 +135,7 @@ class TactileNode(Node):
 
     def diagnose(self, level: bytes, text: str, values: dict[str, Any] | None = None, *,
                  name: str = 'node', hardware_id: str = '') -> None:
-        """Publish the state of the node, with the number of errors; new ones are a warning."""
+        """Publish the node's state and its number of errors; new errors turn OK into a warning."""
         if self.errors > self._errors_told and level == DiagnosticStatus.OK:
             level, text = DiagnosticStatus.WARN, f'{text}; messages could not be sent'
         self._errors_told = self.errors

@@ -1,4 +1,4 @@
-"""ROS parameters declared from a configuration dataclass, where the defaults live."""
+"""ROS parameters declared from configuration dataclasses, which contain the defaults."""
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -18,21 +18,21 @@ from tactile_common.errors import ConfigurationError
 
 def declare_from(node: Node, config_class: type, prefix: str = '', defaults: Any = None) -> Any:
     """
-    Declare one parameter per field of a dataclass; returns it with the values of the user.
+    Declare one parameter per field of a dataclass; return the dataclass with the user's values.
 
-    The fields of a nested dataclass become parameters of its name, a dot and theirs, such as
-    `force.gain`. Those that are not `live` can no longer be set once the node runs.
+    Parameters of a nested dataclass include its name and a dot, such as `force.gain`. Parameters
+    that are not `live` cannot be set while the node runs.
 
     Parameters
     ----------
     config_class : type
-        Frozen dataclass. Every field has a default and a type among `bool`, `int`, `float`,
-        `str`, `tuple` of one of them, and such dataclasses. The metadata, see
-        `tactile_common.config`, become the parameters' descriptors.
+        Frozen dataclass. Every field has a default and one of these types: `bool`, `int`, `float`,
+        `str`, `tuple` of one of them, or another such dataclass. The metadata (see
+        `tactile_common.config`) become the parameters' descriptors.
     prefix : str
-        Of the names of the parameters.
+        Prefix of the parameter names.
     defaults : config_class, optional
-        In place of the fields' own.
+        Values that replace the defaults of the fields.
 
     Raises
     ------
@@ -53,10 +53,10 @@ def declare_from(node: Node, config_class: type, prefix: str = '', defaults: Any
 
 def follow_changes(node: Node, config_class: type, apply: Callable[[Any], None]) -> None:
     """
-    Call `apply(config)` with the dataclass whenever a parameter of it has been set.
+    Call `apply(config)` with the dataclass whenever one of its parameters has been set.
 
-    A value of the wrong type or out of range, or one that the dataclass refuses, is not set; the
-    answer says why. The parameters must have been declared by `declare_from`.
+    Values of the wrong type, out of range, or refused by the dataclass are not set; the answer
+    says why. The parameters must have been declared by `declare_from`.
     """
     def of(changed: Mapping[str, Any]) -> Any:
         def value_of(name: str, _: Any, kind: Any, metadata: Mapping) -> Any:
@@ -79,7 +79,7 @@ def _descriptor(metadata: Mapping, kind: Any) -> ParameterDescriptor:
     text = metadata.get('doc', '')
     if metadata.get('unit'):
         text = f'{text} [{metadata["unit"]}]'.lstrip()
-    # Dynamic typing lets a user write 30 where 30.0 is meant; `checked` looks at the type.
+    # Dynamic typing lets a user write 30 for 30.0; `checked` checks the type.
     descriptor = ParameterDescriptor(
         description=text, read_only=not metadata.get('live', False), dynamic_typing=True)
     if 'choices' in metadata:
@@ -96,5 +96,5 @@ def _descriptor(metadata: Mapping, kind: Any) -> ParameterDescriptor:
 
 
 def _integer(bound: float) -> int:
-    """Bound of an integer parameter, which has 64 bits."""
+    """Limit the bound of an integer parameter to 64 bits."""
     return int(min(max(bound, -2**63), 2**63 - 1))

@@ -32,19 +32,19 @@ try:
 except ImportError:
     EventsExecutor = None  # type: ignore[assignment]
 
-# Longest wait for work before `until` and the signals are looked at again [s].
+# Longest time between checks of `until` and the signals [s].
 _TICK = 0.05
 _LAST_WORDS = 2.0  # s
 
 
 def split_ros_args(args: list[str]) -> tuple[list[str], list[str]]:
-    """Return what a command line says to a program, and what to its node: from --ros-args on."""
+    """Split a command line into the program's arguments and the node's: from --ros-args on."""
     ros = args.index('--ros-args') if '--ros-args' in args else len(args)
     return args[:ros], args[ros:] or ['--ros-args']
 
 
 def make_executor(context: rclpy.Context | None = None) -> Executor:
-    """Return the cheapest executor that this rclpy offers for nodes of a context, for `spin`."""
+    """Return the cheapest executor of this rclpy for the nodes of a context, for `spin`."""
     if EventsExecutor is not None:
         return EventsExecutor(context=context)
     return SingleThreadedExecutor(context=context)
@@ -53,14 +53,14 @@ def make_executor(context: rclpy.Context | None = None) -> Executor:
 def spin(executor: Executor, context: rclpy.Context | None = None,
          until: Callable[[], bool] | None = None) -> None:
     """
-    Work off callbacks until the context is shut down or `until()` holds.
+    Process callbacks until the context is shut down or `until()` returns True.
 
-    `EventsExecutor.spin` burns a whole core in some builds, and waiting for a future for a
-    short time again and again starves its timers on a busy machine; hence a loop of `spin_once`.
+    This is a loop of `spin_once`: `EventsExecutor.spin` uses a whole core in some builds, and
+    repeated short waits for a future starve its timers on a busy machine.
 
-    `until()` is asked after every callback and at least every 0.05 s; the context is that of the
-    executor, the default one if missing. An error of rcl in a callback, such as an answer that
-    cannot be sent, is counted by the nodes, see `TactileNode`, and survived.
+    `until()` is called after every callback and at least every 0.05 s. `context` is the executor's
+    context; the default context if missing. An error of rcl in a callback, such as an answer that
+    cannot be sent, does not end the loop: the nodes count it (see `TactileNode`).
     """
     context = context or rclpy.get_default_context()
     failed = 0
@@ -73,7 +73,7 @@ def spin(executor: Executor, context: rclpy.Context | None = None,
         except RCLError as error:
             failed += 1
             nodes = [node for node in executor.get_nodes() if isinstance(node, TactileNode)]
-            # A hundred in a row, with nothing done between, are no matter of one message.
+            # More than a hundred in a row have a lasting cause.
             if failed > 100 or not nodes or not context.ok():
                 raise
             for node in nodes:
@@ -82,10 +82,10 @@ def spin(executor: Executor, context: rclpy.Context | None = None,
 
 def freeze_heap() -> None:
     """
-    Leave what is in memory now out of all garbage collections to come, once a process is set up.
+    Exclude all present objects from later garbage collections, once a process is set up.
 
-    A collection of all of it would silence a servo for 0.1 s: `benchmarks/latency/shortcuts.py`.
-    So would the first line of a log, for which `inspect` lists all modules: it does so here.
+    A collection of all objects would delay a servo by 0.1 s (`benchmarks/latency/shortcuts.py`).
+    So would the first log line, for which `inspect` lists all modules; it does so here.
     """
     inspect.getmodule(inspect.currentframe())
     gc.collect()
@@ -93,31 +93,31 @@ def freeze_heap() -> None:
 
 
 class Stop:
-    """A flag with the methods of an Event but no lock, on which two signals could dead-lock."""
+    """A flag with the methods of an Event but without a lock; two signals could dead-lock one."""
 
     def __init__(self) -> None:
         self._on = False
 
     def is_set(self) -> bool:
-        """Tell whether it is to end."""
+        """Return True if the end was requested."""
         return self._on
 
     def set(self) -> None:
-        """Ask for the end."""
+        """Request the end."""
         self._on = True
 
     def clear(self) -> None:
-        """Take it back."""
+        """Withdraw the request."""
         self._on = False
 
 
 @contextmanager
 def stop_on_signals() -> Iterator[Stop]:
     """
-    Give a flag that SIGINT and SIGTERM set, in place of every other effect of theirs.
+    Yield a flag that SIGINT and SIGTERM set; the signals have no other effect.
 
-    rclpy's own handlers shut the context down at once, so that nodes can neither publish a last
-    word nor be destroyed undisturbed. Use it with `SignalHandlerOptions.NO`, in the main thread.
+    rclpy's own handlers shut the context down at once. Nodes could then neither publish a last
+    message nor be destroyed in order. Use it with `SignalHandlerOptions.NO`, in the main thread.
     """
     stop = Stop()
     previous = {number: signal.signal(number, lambda *_: stop.set())
@@ -133,15 +133,15 @@ def run(node_class: Any, args: list[str] | None = None,
         until: Callable[[Any], bool] | None = None,
         on_stop: Callable[[Any], None] | None = None) -> int:
     """
-    Run one node until SIGINT, SIGTERM or the shutdown of its context; returns the exit status.
+    Run one node until SIGINT, SIGTERM or the shutdown of its context; return the exit status.
 
-    `node_class` is called with `context` alone; a `ValueError`, of which every configuration
-    error is one, means that a parameter is wrong. Without ROS arguments those of the process are
-    taken; --help and --version are answered. `until(node)` tells whether its work is done;
-    `on_stop(node)` is called at a signal, and the node then has two seconds to get it done. A
-    process that is to stop while its node is still being made, which takes a minute where kernels
-    are compiled, ends within two as well; and one whose node is not destroyed within 3.5 says
-    what it waits for and ends.
+    `node_class` is called with `context` only. A `ValueError`, the base of every configuration
+    error, means that a parameter is wrong. Without `args` those of the process are used; --help
+    and --version are answered. `until(node)` returns True when the node's work is done.
+    `on_stop(node)` is called at a signal; the node then has two seconds to finish. If a signal
+    arrives while the node is being made (a minute if kernels are compiled), the process also ends
+    within two seconds. If the node is not destroyed within 3.5 s, the process prints what it waits
+    for and ends.
     """
     context = rclpy.Context()
     try:
@@ -157,7 +157,7 @@ def run(node_class: Any, args: list[str] | None = None,
             with _in_time(stop.is_set, _LAST_WORDS):
                 node = node_class(context=context)
         except (ValueError, NameValidationException, ParameterException) as error:
-            # The context destroys the half-made node, which may lack what its method needs.
+            # The context destroys the incomplete node, which may lack attributes that this needs.
             with suppress(AttributeError):
                 context.try_shutdown()
             return _refuse(node_class, error)
@@ -173,14 +173,14 @@ def run(node_class: Any, args: list[str] | None = None,
                 end = time.monotonic() + _LAST_WORDS
                 spin(executor, context, lambda: until(node) or stop.is_set()
                      or time.monotonic() > end)
-                # Until the last word has left: what a writer that is gone wrote is lost.
+                # Let the last messages leave: they are lost if their writer is destroyed.
                 end = time.monotonic() + 0.2
                 spin(executor, context, lambda: stop.is_set() or time.monotonic() > end)
         finally:
             # launch sends SIGTERM after 5 s, kills after 10.
             with _on_one_core(), _in_time(
                     lambda: stopped, 3.5, f'{node.get_name()} does not end; it waits'):
-                executor.shutdown()  # first: nothing may be delivered to a node that is gone
+                executor.shutdown()  # first: no message may reach a destroyed node
                 node.destroy_node()
                 context.try_shutdown()
     return 0
@@ -189,12 +189,12 @@ def run(node_class: Any, args: list[str] | None = None,
 @contextmanager
 def _on_one_core() -> Iterator[None]:
     """
-    Let the threads of this process take turns on one core.
+    Restrict the threads of this process to one core.
 
-    As its participant is destroyed Fast DDS waits for its callbacks, among them what other nodes
-    cause that leave at the same time. In builds for old systems, as the wheels are, that is a loop
-    which takes the callbacks' lock again as soon as it has released it, with several cores for
-    minutes. On one core the thread that is woken by the release comes first.
+    While Fast DDS destroys its participant, it waits for its callbacks, also for those caused by
+    other nodes that leave at the same time. In builds for old systems, such as the wheels, this
+    wait is a loop that takes the callbacks' lock again as soon as it releases it. On several cores
+    this can last minutes. On one core, the thread that the release wakes runs first.
     """
     if not hasattr(os, 'sched_setaffinity'):
         yield
@@ -218,11 +218,12 @@ def _keep_to(cores: set[int]) -> None:
 @contextmanager
 def _in_time(stopped: Callable[[], bool], seconds: float, text: str = '') -> Iterator[None]:
     """
-    End the process when it has `stopped()`, but what stands in the context takes longer.
+    End the process if the `with` block takes longer than `seconds` after `stopped()` is True.
 
-    With a text that, and where every thread is, is written first. rclpy calls the middleware with
-    the interpreter's lock held: where that does not return no thread comes to run, and the process
-    ends a second later with status 1, if it had stopped at the start.
+    With a text, the text and the stack of every thread are printed first. rclpy calls the
+    middleware with the interpreter's lock held. If such a call does not return, no other thread
+    runs; then, if `stopped()` was True at the start, the process ends a second later with
+    status 1.
     """
     done = threading.Event()
     if stopped():
@@ -245,12 +246,12 @@ def _in_time(stopped: Callable[[], bool], seconds: float, text: str = '') -> Ite
 
 
 def _name_of(node_class: type) -> str:
-    """Name of a node's executable."""
+    """Return the name of a node's executable."""
     return re.sub('(?<!^)(?=[A-Z])', '_', node_class.__name__.removesuffix('Node')).lower()
 
 
 def _read_options(node_class: type, args: list[str] | None) -> None:
-    """Answer --help and --version, refuse all else that is no ROS argument."""
+    """Answer --help and --version; refuse all other options that are not ROS arguments."""
     about = inspect.getdoc(inspect.getmodule(node_class)) or ''
     Parser(prog=_name_of(node_class), description=about,
            formatter_class=RawDescriptionHelpFormatter,
@@ -261,7 +262,7 @@ def _read_options(node_class: type, args: list[str] | None) -> None:
 
 
 def _refuse(node_class: type, error: Exception) -> int:
-    """Print why a node cannot start, in one line; the traceback shows with log level debug."""
+    """Print in one line why a node cannot start; log level debug shows the traceback."""
     name = _name_of(node_class)
     get_logger(name).debug(''.join(traceback.format_exception(error)))
     print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
