@@ -1,7 +1,8 @@
 """
 Surface matrices, local curvature and object shape from the kinematics of contact.
 
-A path of contacts swings over a sphere of 35 mm radius, and a contour goes round a corner:
+The first example is a swinging path over a sphere of 35 mm radius, the second the contour of a
+corner:
 
 >>> import numpy as np
 >>> from tactile_shape import find_outline, LocalQuadric

@@ -1,4 +1,4 @@
-"""A recorded path of contact: from arrays in a file, or from the topics of a bag."""
+"""A recorded path of contacts, read from arrays in a file or from the topics of a bag."""
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from os import PathLike
@@ -15,7 +15,7 @@ from tactile_shape.contour.contact_path import ContactPath
 if TYPE_CHECKING:
     from tactile_sensing.observations import Observation
 
-NEEDED = ('contact', 'sensor_pose')  # topics; 'image', for bends and ends of edges, may be missing
+NEEDED = ('contact', 'sensor_pose')  # topics; 'image' (bends and ends of edges) may be missing
 ROW = np.dtype([('t', float), ('position', float, 3), ('normal', float, 3), ('edge', bool)])
 OPTIONAL = ('finger_radius', 'position_noise', 'normal_noise', 'location_noise')
 
@@ -23,20 +23,20 @@ OPTIONAL = ('finger_radius', 'position_noise', 'normal_noise', 'location_noise')
 @dataclass(frozen=True, eq=False)
 class ContactRecording:
     """
-    Contacts in the order of time, in a frame in which the object is at rest.
+    Contacts in order of time, in a frame in which the object is at rest.
 
     Raises
     ------
     ConfigurationError
-        A shape or a type is wrong, time falls or is not finite, or nothing is touched.
+        A shape or type is wrong, time decreases or is not finite, or no position is finite.
     """
 
-    t: np.ndarray  # (N,), not falling [s]
-    position: np.ndarray  # (N, 3) [m]; NaN where nothing is touched
+    t: np.ndarray  # (N,), not decreasing [s]
+    position: np.ndarray  # (N, 3) [m]; NaN without contact
     normal: np.ndarray  # (N, 3), the object's inward unit normal
-    # (N,), contacts with an edge: they make the outline, and no surface.
+    # (N,), contacts with an edge: they belong to the outline, not to the surface.
     edge: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
-    # As in `LocalQuadricConfig`; None where the recording does not say.
+    # As in `LocalQuadricConfig`; None if the recording does not contain it.
     finger_radius: float | None = None
     position_noise: float | None = None
     normal_noise: float | None = None
@@ -71,19 +71,19 @@ class ContactRecording:
 def load_contacts(path: str | PathLike, namespace: str | None = None,
                   finger_radius: float | None = None) -> ContactRecording:
     """
-    Read an `.npz` file, or a rosbag2 recording of `contact`, `sensor_pose` and maybe `image`.
+    Read an `.npz` file, or a rosbag2 recording of `contact`, `sensor_pose` and optionally `image`.
 
     Parameters
     ----------
     namespace : str, optional
-        Of the sensor in a bag; may be left out where there is one.
+        Namespace of the sensor in a bag; not needed if the bag has only one sensor.
     finger_radius : float, optional
-        In place of what the file says; a bag says nothing, which means a flat pad [m].
+        Overrides the value of the file [m]. A bag contains no value; its default is a flat pad.
 
     Raises
     ------
     ConfigurationError
-        The file cannot be read, or something in it is missing or impossible.
+        The file cannot be read, or data in it are missing or invalid.
     """
     path = Path(path)
     if not path.exists():
@@ -99,7 +99,7 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
 
 
 def _from_bag(path: Path, namespace: str | None, finger_radius: float) -> ContactRecording:
-    with reading_bags():  # knows messages, which arrays do not need
+    with reading_bags():  # imports message types, which are not needed for arrays
         from tactile_common.ros.bag_reader import Bag
         from tactile_sensing.observations import observations, TYPES
     with Bag(path) as bag:
@@ -115,10 +115,10 @@ def _from_bag(path: Path, namespace: str | None, finger_radius: float) -> Contac
 def place_contacts(observations: Iterable['Observation'],
                    finger_radius: float = 0.0) -> np.ndarray:
     """
-    Contacts in space, records of ROW with NaN where contact was lost.
+    Compute the contacts in space, as records of ROW; a record of NaN marks a loss of contact.
 
-    They are made of contacts on the pad, poses and pictures as they were received, a picture
-    before its contact. ConfigurationError of a damaged message.
+    The observations are contacts on the pad, poses and images in the order of reception, each
+    image before its contact. A damaged message raises a ConfigurationError.
     """
     path, lost = ContactPath(finger_radius), True
     rows: list[tuple] = []

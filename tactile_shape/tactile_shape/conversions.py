@@ -1,4 +1,4 @@
-"""Between the core's data and ROS messages; nothing else converts, but for bags."""
+"""Conversions between the core's data and ROS messages, except those from bags."""
 from collections.abc import Iterable
 from typing import Any
 
@@ -13,7 +13,7 @@ from tactile_msgs.msg import SurfacePatch
 from tactile_shape.contour.object_model import COLOURS, ObjectModel, PATCH_SIZE
 from tactile_shape.types.patch import Kind, Patch
 
-# What markers show at most of a model, so that they cost little.
+# Limits of the part of a model that markers show, so that they stay cheap.
 MAX_PATCHES, MAX_SEGMENTS = 100, 1000
 _RED, _GREEN = (0.85, 0.15, 0.15), (0.15, 0.6, 0.15)
 Shade = tuple[float, float, float]  # red, green, blue
@@ -21,7 +21,11 @@ _LINE_WIDTH = 5e-4  # m
 
 
 def patch_to_msg(patch: Patch, header: Header, sensor: str = '') -> SurfacePatch:
-    """SurfacePatch message of a patch, NaN what it lacks; header of its newest contact."""
+    """
+    Convert a patch to a SurfacePatch, with NaN for missing values.
+
+    `header` is the header of the patch's newest contact.
+    """
     message = SurfacePatch(
         header=header, sensor=sensor, kind=int(patch.kind), valid=bool(patch.valid),
         reason=patch.reason, method=patch.method, frame=pose_to_msg(patch.frame),
@@ -34,7 +38,7 @@ def patch_to_msg(patch: Patch, header: Header, sensor: str = '') -> SurfacePatch
 
 
 def patch_from_msg(message: Any) -> Patch:
-    """Patch of a SurfacePatch message; TactileError of a kind or a valid pose that is none."""
+    """Convert a SurfacePatch to a patch; TactileError if kind or required pose is invalid."""
     if message.kind not in list(Kind):
         raise TactileError(f'kind of patch is {message.kind}, must be at most {max(Kind)}')
     known = np.isfinite(message.frame.position.x)
@@ -47,7 +51,7 @@ def patch_from_msg(message: Any) -> Patch:
 
 
 def contour_point_to_msg(position: np.ndarray, header: Header) -> PoseStamped:
-    """PoseStamped of a point (3,) of a contour [m]; its orientation says nothing."""
+    """Convert a point (3,) of a contour [m] to a PoseStamped; its orientation has no meaning."""
     message = PoseStamped(header=header)
     place = message.pose.position
     place.x, place.y, place.z = map(float, position)
@@ -55,7 +59,7 @@ def contour_point_to_msg(position: np.ndarray, header: Header) -> PoseStamped:
 
 
 def model_to_markers(model: ObjectModel, patch: Patch | None, header: Header) -> MarkerArray:
-    """Markers: the newest valid patch with its principal directions, the surface, the contour."""
+    """Return markers: newest valid patch with principal directions, the surface, the contour."""
     markers = [_mesh(model, model.patches[-MAX_PATCHES:], header, 'surface'),
                _lines(model.strokes, header)]
     if patch is not None:
@@ -69,7 +73,7 @@ def _mesh(model: ObjectModel, patches: list[Patch], header: Header, namespace: s
     mesh = model.mesh(patches)
     corners = mesh.faces.reshape(-1)
     marker.points = [_point(vertex) for vertex in mesh.vertices[corners].tolist()]
-    shades: dict[Shade, ColorRGBA] = {}  # of the few kinds, one message each
+    shades: dict[Shade, ColorRGBA] = {}  # one message per colour, shared by all vertices
     marker.colors = [shades.setdefault(shade, _colour(shade)) for shade in
                      map(tuple, mesh.colours[corners].tolist())]
     return marker

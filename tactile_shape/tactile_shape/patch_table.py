@@ -1,4 +1,4 @@
-"""The surface at every contact of a recording, as rows of a table."""
+"""Table of the surface at every contact of a recording."""
 from collections import Counter
 from collections.abc import Callable, Iterator
 import re
@@ -10,18 +10,18 @@ from tactile_shape.contact_recording import ContactRecording
 from tactile_shape.shape_estimator import ShapeEstimator
 from tactile_shape.types.patch import Kind, Patch
 
-MANY = 0.5  # of the contacts with a surface, that must be refused for a hint
-# What of a reason differs from contact to contact.
+MANY = 0.5  # share of the contacts with a surface; if more are refused, hints are given
+# Parts of a reason that differ from contact to contact.
 _NUMBERS = re.compile(
     '^the path of [^ ]+ mm is |^[0-9]+ contacts see |, not all of .*|: they scatter by .*')
 
 
 class Column(NamedTuple):
-    """Type and shape of a value, how a patch gives it, unit and meaning."""
+    """Column of the table: type, shape, how to get it from a patch, unit and meaning."""
 
     kind: Any
     shape: tuple[int, ...]
-    value: Callable[[Patch], Any] | None  # None: not of the patch
+    value: Callable[[Patch], Any] | None  # None: not from the patch
     unit: str
     text: str
 
@@ -57,16 +57,16 @@ KINDS = {
 
 
 class PatchTable:
-    """The surface at every contact of a recording."""
+    """Table of the surface at every contact of a recording."""
 
     def __init__(self, recording: ContactRecording, estimator: ShapeEstimator):
         self._recording, self._estimator = recording, estimator
         self.records = np.zeros(len(recording), RECORD)
         self.records['t'] = recording.t
-        self._reasons: Counter[str] = Counter()  # how often a patch was not valid
+        self._reasons: Counter[str] = Counter()  # number of invalid patches by reason
 
     def fill(self) -> Iterator[int]:
-        """Fit contact after contact; yields how many are done."""
+        """Fit the surface at each contact in sequence; yields the number of contacts done."""
         recording = self._recording
         for k, (position, normal, edge) in enumerate(zip(
                 recording.position, recording.normal, recording.edge, strict=True)):
@@ -82,7 +82,7 @@ class PatchTable:
             yield k + 1
 
     def __str__(self) -> str:
-        """Counts of what was found, and the middle of its curvatures."""
+        """Return the number of patches of each kind with their median curvatures."""
         valid = self.records[self.records['valid']]
         parts = []
         for kind in Kind:
@@ -95,7 +95,7 @@ class PatchTable:
         return ', '.join(parts)
 
     def hints(self, window: float) -> Iterator[str]:
-        """What may be wrong, if most contacts gave no patch; `window` is that of the fit [m]."""
+        """Yield probable causes if most contacts gave no patch; `window` [m] is the fit's."""
         recording = self._recording
         touched = np.isfinite(recording.position).all(axis=1) & ~recording.edge
         records = self.records[touched]
@@ -115,7 +115,7 @@ class PatchTable:
 
 
 def _doubt(position: np.ndarray, normal: np.ndarray, window: float) -> str:
-    """What is odd about a path of which no surface could be told."""
+    """Return what is unusual about a path for which no surface could be determined."""
     length = np.median(np.linalg.norm(normal, axis=1))
     if not abs(length - 1.0) < 0.01:
         exchanged = np.allclose(np.linalg.norm(position, axis=1), 1.0, atol=0.01)

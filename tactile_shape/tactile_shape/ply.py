@@ -1,4 +1,4 @@
-"""Polygons in the PLY format, which mesh viewers read."""
+"""Writer of polygons in the PLY format, which mesh viewers read."""
 import os
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,10 @@ from tactile_common.errors import ConfigurationError
 def write_ply(path: str | os.PathLike, vertices: ArrayLike, *, colours: ArrayLike | None = None,
               faces: Any = None, edges: Any = None, comment: str = '') -> None:
     """
-    Write vertices (N, 3) with what joins them, as text; an old file is replaced when it is whole.
+    Write vertices (N, 3) with faces or edges as text; an old file is replaced atomically.
 
-    Colours (N, 3) are red, green and blue from 0 to 1, faces (F, 3) and edges (E, 2) indices of
-    vertices. ConfigurationError if the folder does not exist or cannot be written.
+    Colours (N, 3) are red, green and blue from 0 to 1. Faces (F, 3) and edges (E, 2) are indices
+    of vertices. Raises a ConfigurationError if the folder does not exist or is not writable.
     """
     vertices = np.asarray(vertices, dtype=float).reshape(-1, 3)
     header = ['ply', 'format ascii 1.0', *(f'comment {line}' for line in comment.splitlines()),

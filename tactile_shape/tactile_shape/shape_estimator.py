@@ -1,4 +1,4 @@
-"""From contacts in space to patches and a model of the object, with either surface estimator."""
+"""Computes patches and a model of the object from contacts, with either surface estimator."""
 import numpy as np
 
 from tactile_shape.contour.contact_path import Placed
@@ -12,19 +12,19 @@ METHODS = tuple(_ESTIMATORS)
 
 
 def make_surface_estimator(method: str, config: LocalQuadricConfig) -> SurfaceEstimator:
-    """Return the estimator of a method, with what it takes of a LocalQuadricConfig."""
+    """Return the estimator of a method, configured by a LocalQuadricConfig."""
     return _ESTIMATORS[method](config)
 
 
 class ShapeEstimator:
-    """Patches and the model of an object, contact by contact."""
+    """Patches and the model of an object, updated with each contact."""
 
     def __init__(self, estimator: SurfaceEstimator, model: ObjectModel | None = None):
         self._estimator = estimator
         self.model = model or ObjectModel()
 
     def take(self, placed: Placed) -> Patch:
-        """Take in what a ContactPath has placed; returns the Patch there."""
+        """Process a contact placed by ContactPath; return the Patch there."""
         if placed.anew:
             self.lose()
         if placed.contact is None:
@@ -33,16 +33,16 @@ class ShapeEstimator:
         return self.touch(contact.position, contact.normal, contact.edge)
 
     def lose(self, reason: str = 'nothing is touched') -> Patch:
-        """Contact is lost: the next begins a new path. Returns a Patch that is not valid."""
+        """End the path after a loss of contact; return an invalid Patch."""
         self._estimator.reset()
         self.model.begin_stroke()
         return refusal(reason)
 
     def touch(self, position: np.ndarray, normal: np.ndarray, edge: bool = False) -> Patch:
         """
-        Take in a contact (3,) [m] with the object's inward normal (3,); returns the Patch there.
+        Process a contact (3,) [m] with the object's inward normal (3,); return the Patch there.
 
-        A contact with an edge makes the contour, and no surface: its Patch is not valid.
+        A contact with an edge belongs to the contour, not to a surface: its Patch is invalid.
         """
         if edge:
             self._estimator.reset()
@@ -50,7 +50,7 @@ class ShapeEstimator:
                 self.model.add_contact(position)
             return refusal('an edge: it has a contour, no surface')
         patch = self._estimator.update(position, normal)
-        if patch.samples:  # else the contact was not usable
+        if patch.samples:  # otherwise the contact was not usable
             self.model.add_contact(position)
             self.model.add_patch(patch)
         return patch

@@ -1,4 +1,4 @@
-"""Offline command: the surface at every contact of a recorded path."""
+"""Offline command that fits the surface at every contact of a recorded path."""
 import argparse
 from collections.abc import Iterable
 import os
@@ -96,7 +96,7 @@ Exit status: 0, or 2 after one line that says what is wrong; then nothing is wri
 
 
 def make_config(options: argparse.Namespace, recording: ContactRecording) -> LocalQuadricConfig:
-    """Return the configuration that options, then the recording, then the defaults say."""
+    """Return the configuration from the options, then the recording, then the defaults."""
     values = {'window': options.window}
     for name in OPTIONAL:
         option, recorded = getattr(options, name), getattr(recording, name)
@@ -107,7 +107,7 @@ def make_config(options: argparse.Namespace, recording: ContactRecording) -> Loc
 
 
 def run(options: argparse.Namespace) -> str:
-    """Fit every contact of the input; returns the summary."""
+    """Fit every contact of the input; return the summary."""
     for path, ending in ((options.out, '.npz'), (options.contour, '.csv')):
         if path and Path(path).suffix != ending:
             raise ConfigurationError(f'{path}: must end in {ending}')

@@ -1,4 +1,4 @@
-"""Pictures of patches and contours; the only module that needs matplotlib."""
+"""Plots of patches and contours; the only module that needs matplotlib."""
 from os import PathLike
 from typing import Any
 
@@ -17,7 +17,7 @@ def draw_patches(path: str | PathLike, recording: ContactRecording, table: Patch
     """
     Draw samples and patches, and curvatures over time.
 
-    ConfigurationError if the file cannot be written, or matplotlib does not know its format.
+    Raises a ConfigurationError if the file cannot be written or its format is unknown.
     """
     figure = Figure(figsize=(11, 4.5), layout='constrained')
     grid = figure.add_gridspec(1, 2, width_ratios=(1.1, 1.0))

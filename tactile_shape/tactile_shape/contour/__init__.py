@@ -1,1 +1,1 @@
-"""Contours of edges: contacts in space, corners and sides, outline."""
+"""Contours of edges: contacts in space, corners, sides and outline."""

@@ -1,14 +1,14 @@
-"""Lines and arcs through the points of a plane contour, as models with residuals."""
+"""Lines and arcs fitted to the points of a plane contour, with residuals."""
 from dataclasses import dataclass
 
 import numpy as np
 
-STEPS = 10  # of Gauss-Newton, at most
-RUN = 4  # neighbouring points, whose mean distance tells a form that is wrong there from noise
+STEPS = 10  # largest number of Gauss-Newton steps
+RUN = 4  # neighbouring points; their mean distance separates a wrong curve from noise
 
 
 def _distances(off: np.ndarray) -> tuple[float, float]:
-    """RMS of signed distances (N,), and the largest mean of a run of neighbours, in magnitude."""
+    """Return the RMS of signed distances (N,) and the largest magnitude of a running mean."""
     run = min(RUN, len(off))
     means = np.convolve(off, np.full(run, 1.0 / run), 'valid')
     return float(np.sqrt(off @ off / len(off))), float(np.abs(means).max())
@@ -18,7 +18,7 @@ def _distances(off: np.ndarray) -> tuple[float, float]:
 class Line:
     """Straight line in the plane, fitted to points."""
 
-    middle: np.ndarray  # (2,), a point of it [m]
+    middle: np.ndarray  # (2,), a point on the line [m]
     direction: np.ndarray  # (2,), of length 1, along the points
     residual: float  # RMS distance of the points [m]
     departure: float  # largest mean distance of neighbouring points, `RUN` of them [m]
@@ -28,7 +28,7 @@ class Line:
 
     @classmethod
     def fit(cls, points: np.ndarray) -> 'Line':
-        """Line through points (N, 2) by total least squares."""
+        """Fit a line to points (N, 2) by total least squares."""
         middle = points.mean(axis=0)
         direction = np.linalg.svd(points - middle)[2][0]
         if direction @ (points[-1] - points[0]) < 0.0:
@@ -37,25 +37,29 @@ class Line:
         return cls(middle, direction, *_distances(off))
 
     def tangent(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Point (2,) and direction (2,), that of the points, of the tangent nearest to a point."""
+        """
+        Return point (2,) and direction (2,) of the tangent nearest to a point.
+
+        The direction is that of the fitted points.
+        """
         return self.middle, self.direction
 
     def length(self, path: np.ndarray) -> float:
-        """Length from the first to the last point of a path (N, 2) along it [m]."""
+        """Return the length [m] along the curve between the ends of a path (N, 2)."""
         return float(np.linalg.norm(path[-1] - path[0]))
 
     def polyline(self, path: np.ndarray) -> np.ndarray:
-        """Points (m, 2) along it from the first to the last point of a path (N, 2) [m]."""
+        """Return points (m, 2) [m] on the curve between the ends of a path (N, 2)."""
         return path[[0, -1]]
 
 
 @dataclass(frozen=True, eq=False)
 class Arc:
-    """Arc of a circle in the plane, fitted to points; methods as of `Line`."""
+    """Arc of a circle in the plane, fitted to points; same methods as `Line`."""
 
     centre: np.ndarray  # (2,) [m]
     radius: float  # [m]
-    turn: float  # 1: the points go round to the left, -1: to the right
+    turn: float  # 1: the points turn to the left, -1: to the right
     residual: float  # RMS distance of the points [m]
     departure: float  # largest mean distance of neighbouring points, `RUN` of them [m]
 
@@ -63,7 +67,7 @@ class Arc:
 
     @classmethod
     def fit(cls, points: np.ndarray, steps: int = STEPS) -> 'Arc | None':
-        """Circle through points (N, 2) by least squares of the distance; None of a line."""
+        """Fit a circle to points (N, 2) by least squares of the distance; None for a line."""
         middle = points.mean(axis=0)
         u = points - middle
         scale = np.abs(u).max() or 1.0
@@ -92,7 +96,7 @@ class Arc:
         return self.centre + self.radius * out, self.turn * np.array([-out[1], out[0]])
 
     def _sweep(self, path: np.ndarray) -> float:
-        """Angle along a path, by steps so that more than half a circle counts [rad]."""
+        """Return the angle along a path [rad], summed over steps: it may exceed half a circle."""
         away = path - self.centre
         return angle_between(away[:-1], away[1:]).sum()
 
@@ -104,26 +108,26 @@ class Arc:
         first, last = path[0] - self.centre, path[-1] - self.centre
         share = np.linspace(0.0, 1.0, int(abs(sweep) * self.radius / 1e-3) + 2)  # chords of 1 mm
         angle = np.arctan2(first[1], first[0]) + share * sweep
-        # The ends need not lie on the circle: they are where this side meets its neighbours.
+        # The ends, where this side meets its neighbours, need not lie on the circle.
         radius = (1.0 - share) * np.linalg.norm(first) + share * np.linalg.norm(last)
         between = self.centre + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
         return np.array([path[0], *between[1:-1], path[-1]])
 
 
 def angle_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Angle from directions (..., 2) to others, positive to the left [rad]."""
+    """Return the angle from directions (..., 2) to others, positive to the left [rad]."""
     cross = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
     return np.arctan2(cross, (one * other).sum(axis=-1))
 
 
 def on_curve(curve: Line | Arc, point: np.ndarray) -> np.ndarray:
-    """Point of a curve that is nearest to a point (2,)."""
+    """Return the point of a curve nearest to a point (2,)."""
     foot, direction = curve.tangent(point)
     return foot + (point - foot) @ direction * direction
 
 
 def meeting(first: Line | Arc, second: Line | Arc, corner: np.ndarray) -> np.ndarray:
-    """Where two lines, or tangents near a corner (2,), meet; the corner if nowhere."""
+    """Return the intersection of two lines, or of tangents near a corner (2,), or the corner."""
     p, d = first.tangent(corner)
     q, e = second.tangent(corner)
     cross = d[0] * e[1] - d[1] * e[0]

@@ -1,4 +1,4 @@
-"""The point of an edge under the pad, from the ridge in its picture: bends, corners, ends."""
+"""Point of an edge under the pad, from the ridge in its image; also at bends, corners, ends."""
 import math
 
 import numpy as np
@@ -6,29 +6,29 @@ import numpy as np
 from tactile_sensing.contact.ridge import ridge_points
 from tactile_sensing.types.image import TactileImage
 
-END = 0.5  # of the pressure along an edge is left where it ends
+END = 0.5  # share of the pressure along an edge that remains at its end
 
 
 def edge_point(image: TactileImage) -> tuple[float, float] | None:
     """
-    Point x, y [m] of an edge under the pad that is nearest to the pad's centre.
+    Return the point x, y [m] of an edge that is nearest to the pad's centre.
 
-    None where the picture shows no edge, or is no tared pressure.
+    Returns None if the image shows no edge or is not a tared pressure.
     """
     layer = next((layer for layer in image.layers if layer.component == 'zz'), None)
     if layer is None or layer.unit != 'Pa' or not layer.depth > 0.0 or not image.tared:
         return None
     points = ridge_points(layer.stress, image.array, float(layer.noise_std), layer.depth)
     peak = points['pressure'].max(initial=0)
-    # A quality above 1/2 is of a line, not of a round spot.
+    # A quality above 1/2 indicates a line, not a round spot.
     strong = points[(points['quality'] > 0.5) & (points['pressure'] > END * peak)]
     if len(strong) < 3:
         return None
-    # One point of a ridge is good for a hundredth of a millimetre at 40 dB: it needs no mean,
-    # which would take in the turn of a corner nearby.
+    # One ridge point is accurate to a hundredth of a millimetre at 40 dB. A mean is not needed,
+    # and would include the turn of a nearby corner.
     nearest = strong[(strong['x']**2 + strong['y']**2).argmin()]
     x, y, tx, ty = (float(nearest[name]) for name in ('x', 'y', 'tx', 'ty'))
-    along = -(x * tx + y * ty)  # to the point of the line that is nearest to the centre
+    along = -(x * tx + y * ty)  # to the point of the line nearest to the centre
     if along < 0.0:
         along, tx, ty = -along, -tx, -ty
     ahead = (points['x'] - x) * tx + (points['y'] - y) * ty
@@ -41,7 +41,7 @@ def edge_point(image: TactileImage) -> tuple[float, float] | None:
 
 def _reach(ahead: np.ndarray, pressures: np.ndarray, here: float, half: float,
            pitch: float) -> float:
-    """How far a ridge goes on [m]: to where its pressure falls to half, or is no more seen."""
+    """Return how far a ridge continues [m]: until its pressure is half, or the ridge ends."""
     reach = 0.0
     for place, pressure in zip([*ahead, math.inf], [*pressures, 0.0], strict=True):
         if place - reach > 2.0 * pitch:

@@ -1,4 +1,4 @@
-"""What touching an object has told of it: an outline of its edges, a surface of its patches."""
+"""Model of a touched object: an outline from its edges and a surface from patches."""
 from collections import deque
 from dataclasses import dataclass
 from operator import itemgetter
@@ -16,13 +16,13 @@ from tactile_shape.types.patch import Kind, Patch
 COLOURS = {Kind.NONE: (0.6, 0.6, 0.6), Kind.PLANE: (0.30, 0.55, 0.80),
            Kind.CYLINDER: (0.25, 0.65, 0.40), Kind.SPHERE: (0.90, 0.60, 0.15),
            Kind.GENERAL: (0.75, 0.30, 0.35)}
-PATCH_SIZE = 6e-3  # m, side of a patch that is drawn; those that are kept are 4 mm apart
+PATCH_SIZE = 6e-3  # m, side of a drawn patch; stored patches are 4 mm apart
 STEPS = (5, 5)  # points along the sides of a patch
 
 
 @dataclass(frozen=True)
 class ModelConfig:
-    """How much of what was touched is kept."""
+    """Limits of the stored contour points and patches."""
 
     spacing: float = bounded(
         1e-3, 'distance between the contour points that are kept', 'm', 1e-5, 0.1)
@@ -42,11 +42,11 @@ class Mesh(NamedTuple):
 
 
 class ObjectModel:
-    """Contour and patches as they accumulate; memory is bounded."""
+    """Contour and patches of an object, accumulated with bounded memory."""
 
     def __init__(self, config: ModelConfig | None = None):
         self.config = config or ModelConfig()
-        # Contour points (3,) [m] of each stretch of unbroken contact, and how many were ever kept.
+        # Contour points (3,) [m] of each stroke of unbroken contact, and the number ever stored.
         self.strokes: list[list[np.ndarray]] = []
         self.total = 0
         self.patches: list[Patch] = []
@@ -55,7 +55,7 @@ class ObjectModel:
         self._anew = True
 
     def begin_stroke(self) -> None:
-        """Contact was lost: what comes next does not join what came before, which ends here."""
+        """End the present stroke after a loss of contact; the next contact begins a new one."""
         if not self._anew and len(self.strokes[-1]) > 1:
             self._end_stroke()
         self._tail.clear()
@@ -63,10 +63,10 @@ class ObjectModel:
 
     def add_contact(self, position: np.ndarray) -> bool:
         """
-        Add a point (3,) of the contour [m]; returns whether it was far enough to be kept.
+        Add a point (3,) of the contour [m]; return True if it was far enough to be stored.
 
-        Away not only from the last point: a pad that stands, or goes back a little at the end of
-        an edge, adds nothing.
+        The distance is to all recent points: a pad that stands still, or moves back a little at
+        the end of an edge, adds nothing.
         """
         position = np.array(position, dtype=float)
         if self._recent and (((np.array(self._recent) - position)**2).sum(axis=1).min()
@@ -84,18 +84,18 @@ class ObjectModel:
         return True
 
     def _begin_at_first(self) -> None:
-        """Begin a stroke where its first contacts lie: the very first is light, and may be off."""
+        """Move a stroke's start to its first contacts: the very first is light and inaccurate."""
         first = np.array(self._tail)[:len(self._tail) // 4 + 1]
         if len(first) > 2:
             away = ((first - np.median(first, axis=0))**2).sum(axis=1)
             self.strokes[-1][0] = first[away.argmin()]
 
     def _end_stroke(self) -> None:
-        """End at the median of the newest contacts that lie about the last point or beyond it."""
+        """End a stroke at the median of the newest contacts near or beyond its last point."""
         before, last = self.strokes[-1][-2:]
         onward = (last - before) / np.linalg.norm(last - before)
         beyond = [(float((position - last) @ onward), position) for position in self._tail]
-        # Farther behind than that, the pad was still on its way.
+        # At contacts farther behind, the pad was still moving.
         about = [item for item in beyond if item[0] > -0.4 * self.config.spacing]
         if len(about) < 3:
             return
@@ -116,7 +116,7 @@ class ObjectModel:
                 self.strokes.pop(0)
 
     def add_patch(self, patch: Patch) -> bool:
-        """Add a valid patch; returns whether it was far enough from the last to be kept."""
+        """Add a valid patch; return True if it was far enough from the last one to be stored."""
         if not patch.valid:
             return False
         if self.patches and np.linalg.norm(patch.origin - self.patches[-1].origin) < 4e-3:
@@ -132,7 +132,7 @@ class ObjectModel:
         return np.array([point for stroke in self.strokes for point in stroke]).reshape(-1, 3)
 
     def mesh(self, patches: list[Patch] | None = None) -> Mesh:
-        """Triangles of the patches, coloured by kind."""
+        """Return the patches as triangles, coloured by kind."""
         vertices, colours, faces = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros((0, 3), int)]
         rows, columns = STEPS
         corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)
@@ -146,13 +146,13 @@ class ObjectModel:
         return Mesh(np.concatenate(vertices), np.concatenate(colours), np.concatenate(faces))
 
     def save_surface(self, path: str | PathLike) -> None:
-        """Write the patches as a coloured mesh, PLY; ConfigurationError if it cannot be."""
+        """Write the patches as a coloured PLY mesh; ConfigurationError if it fails."""
         mesh = self.mesh()
         write_ply(path, mesh.vertices, colours=mesh.colours, faces=mesh.faces,
                   comment='patches: blue plane, green cylinder, orange sphere, red general; m')
 
     def save_points(self, path: str | PathLike) -> None:
-        """Write the contour as a table, CSV; ConfigurationError if it cannot be."""
+        """Write the contour as a CSV table; ConfigurationError if it fails."""
         rows = (f'{number},{x:.9g},{y:.9g},{z:.9g}\n'
                 for number, stroke in enumerate(self.strokes) for x, y, z in stroke)
         try:
@@ -162,7 +162,7 @@ class ObjectModel:
             raise ConfigurationError(f'{path}: cannot be written: {error.strerror}') from error
 
     def save_contour(self, path: str | PathLike) -> None:
-        """Write the contour as vertices and edges, PLY; ConfigurationError if it cannot be."""
+        """Write the contour as vertices and edges in PLY; ConfigurationError if it fails."""
         edges, first = [], 0
         for stroke in self.strokes:
             edges += [(k, k + 1) for k in range(first, first + len(stroke) - 1)]
@@ -171,7 +171,7 @@ class ObjectModel:
 
 
 def model_of(patches: list[Patch]) -> ObjectModel:
-    """Return the model of patches, with their origins as its contour."""
+    """Return the model of some patches, with their origins as its contour."""
     model = ObjectModel()
     for patch in patches:
         model.add_contact(patch.origin)

@@ -1,4 +1,4 @@
-"""The outline of an object from the contour traced along its edge: corners, sides, their form."""
+"""Outline of an object from the contour along its edge: corners and sides with their shape."""
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,21 +10,21 @@ from tactile_common.polyline import arc_length
 from tactile_shape.contour.curves import angle_between, Line, meeting, on_curve
 from tactile_shape.contour.pieces import divide, Ends, fit_piece, Piece, ROUNDING
 
-STRAIGHT = 0.1  # width per length of a contour that has no plane of its own
-ROUNDED = 0.15 * ROUNDING  # m from its sides, within which the skin puts contacts at a corner
-LEG = 6e-3  # m before and after a point over which the direction is taken
-# RMS distance of its points that a line or an arc may have beyond their noise [m]; else it is
-# divided.
+STRAIGHT = 0.1  # width per length below which a contour does not define a plane
+ROUNDED = 0.15 * ROUNDING  # m, largest distance from the sides of contacts at a corner
+LEG = 6e-3  # m before and after a point, used for its directions
+# Largest departure of points from a line or arc, in addition to their noise [m]. Pieces with a
+# larger one are divided.
 TOLERANCE = 1e-4
-SPACING = 1e-3  # m; contour points nearer to each other are averaged
+SPACING = 1e-3  # m; contour points closer than this are averaged
 
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """Piece of an outline: between corners, or where a line goes over into an arc; in metres."""
+    """Piece of an outline between corners, or between a line and an arc; in metres."""
 
-    kind: str  # 'line' or 'arc', the least that explains its points
-    start: np.ndarray  # (3,), corner, or end of an open contour
+    kind: str  # 'line' or 'arc', the simplest that explains its points
+    start: np.ndarray  # (3,), corner, joint, or end of an open contour
     end: np.ndarray
     length: float  # from start to end, along the arc
     radius: float  # of an arc; inf for a line
@@ -34,20 +34,20 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Outline in the plane of its contour."""
+    """Outline of an object in the plane of its contour."""
 
-    corners: np.ndarray  # (c, 3), where sides would meet if the skin did not round them [m]
-    angles: np.ndarray  # (c,), turn, positive to the left about the plane's normal [rad]
+    corners: np.ndarray  # (c, 3), intersections of the sides, without rounding by the skin [m]
+    angles: np.ndarray  # (c,), turn about the plane's normal, positive to the left [rad]
     sides: tuple[Side, ...]
     closed: bool
 
     @property
     def points(self) -> np.ndarray:
-        """The whole outline as a polyline, ndarray (N, 3) [m]; if closed, back at its start."""
+        """The whole outline as a polyline, ndarray (N, 3) [m]; if closed, it ends at its start."""
         return np.concatenate([self.sides[0].points[:1], *(s.points[1:] for s in self.sides)])
 
     def __str__(self) -> str:
-        """Lines of text: sides and corners."""
+        """Return lines of text: sides and corners."""
         lines = [f'{"closed" if self.closed else "open"} outline, {len(self.corners)} corners']
         for k, side in enumerate(self.sides):
             form = '' if side.kind == 'line' else f', radius {1e3 * side.radius:.2f} mm'
@@ -63,12 +63,13 @@ def find_outline(points: ArrayLike) -> Outline:
     """
     Find corners and sides of a contour: points (N, 3) along the edge, in order [m].
 
-    An overlap at the end of a closed contour may be there.
+    A closed contour may overlap at its end.
 
     Raises
     ------
     ConfigurationError
-        Fewer than four points, a number that is not finite, or shorter than two legs.
+        There are fewer than four points, a number is not finite, or the contour is shorter than
+        two legs.
     """
     points = np.asarray(points, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < 4:
@@ -88,14 +89,14 @@ def find_outline(points: ArrayLike) -> Outline:
     tolerance = float(np.hypot(TOLERANCE, 1.5 * _noise(flat)))
     corners = _corners(flat, closed)
     pieces = _pieces(flat, corners, closed, tolerance)
-    # A contact that is off, beside a gap, is no corner.
+    # An outlier next to a gap is not a corner.
     off = [other.points[0] for one, other in zip(pieces, pieces[1:], strict=False)
            if other.ends.start and _straight_on(one, other)]
     if off:
         corners = [k for k in corners if not (flat[k] == off).all(axis=1).any()]
         pieces = _pieces(flat, corners, closed, tolerance)
     if closed and not corners and len(pieces) > 1:
-        # The first point is not an end: begin again where one piece goes over into another.
+        # The first point is not an end: start again at the joint of two pieces.
         flat = np.roll(flat, 1 - len(pieces[0].points), axis=0)
         pieces = _pieces(flat, corners, closed, tolerance)
     return _assemble(pieces, closed, lambda u: centre + np.asarray(u) @ axes[:, :2].T)
@@ -103,14 +104,14 @@ def find_outline(points: ArrayLike) -> Outline:
 
 def _pieces(flat: np.ndarray, corners: list[int], closed: bool,
             tolerance: float) -> list[Piece]:
-    """Lines and arcs of a contour, from corner to corner."""
+    """Divide a contour into lines and arcs, from corner to corner."""
     pieces, runs = [], _runs(flat, corners, closed)
     round_ends = bool(closed and corners)
     for k, run in enumerate(runs):
         ends = Ends(k > 0 or round_ends, k < len(runs) - 1 or round_ends)
         pieces += divide(run, ends, tolerance)
     pieces = _without_roundings(pieces)
-    # Where one line follows another there is a corner, if it turns by less than the others.
+    # Between two successive lines there is a corner, even if its turn is small.
     for k in range(1, len(pieces)):
         one = fit_piece(pieces[k - 1].points, pieces[k - 1].ends._replace(end=True))
         other = fit_piece(pieces[k].points, pieces[k].ends._replace(start=True))
@@ -122,7 +123,7 @@ def _pieces(flat: np.ndarray, corners: list[int], closed: bool,
 
 
 def _without_roundings(pieces: list[Piece]) -> list[Piece]:
-    """Pieces with none between two lines that is their corner, rounded by the skin."""
+    """Remove pieces between two lines that are a corner rounded by the skin."""
     k = 1
     while k < len(pieces) - 1:
         one, middle, other = pieces[k - 1:k + 2]
@@ -148,14 +149,14 @@ def _are_lines(one: Piece, other: Piece) -> bool:
 
 
 def _straight_on(one: Piece, other: Piece) -> bool:
-    """Whether one line goes on in the direction of another, within 0.05 rad."""
+    """Return True if one line continues in the direction of another, within 0.05 rad."""
     first, second = one.curve, other.curve
     return isinstance(first, Line) and isinstance(second, Line) and bool(
         abs(angle_between(first.direction, second.direction)) < 0.05)
 
 
 def _plane(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centre and axes (3, 3) of the best plane, of a straight contour that seen from +z."""
+    """Return centre and axes (3, 3) of the best plane; a straight contour is seen from +z."""
     centre = points.mean(axis=0)
     _, spread, axes = np.linalg.svd(points - centre, full_matrices=False)
     axes = axes.T
@@ -169,7 +170,7 @@ def _plane(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _average(flat: np.ndarray) -> np.ndarray:
-    """Points (n, 2), those within a spacing of each other averaged; the ends stay."""
+    """Average points (n, 2) within a spacing of each other; the end points remain."""
     travel = arc_length(flat)
     if travel[-1] < SPACING:
         return flat
@@ -181,7 +182,11 @@ def _average(flat: np.ndarray) -> np.ndarray:
 
 
 def _noise(flat: np.ndarray) -> float:
-    """Standard deviation of points across their contour, by their second differences [m]."""
+    """
+    Estimate the noise of points across their contour from second differences [m].
+
+    Returns a standard deviation.
+    """
     step = flat[2:] - flat[:-2]
     length = np.linalg.norm(step, axis=1)
     bend = flat[2:] - 2.0 * flat[1:-1] + flat[:-2]
@@ -191,10 +196,10 @@ def _noise(flat: np.ndarray) -> float:
 
 
 def _cut_overlap(flat: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Contour without what was traced twice, and whether it is closed."""
+    """Remove the part that was traced twice; return the contour and True if it is closed."""
     travel = arc_length(flat)
     away = np.linalg.norm(flat - flat[0], axis=1)
-    # The first return to within 2 mm of the start, after having been a good way off it.
+    # First return to within 2 mm of the start, after the contour was far away from it.
     far = np.flatnonzero(away > max(2.0 * LEG, 0.1 * away.max()))
     if len(far):
         back = np.flatnonzero((away < 2e-3) & (travel > travel[far[0]]))
@@ -207,7 +212,7 @@ def _cut_overlap(flat: np.ndarray) -> tuple[np.ndarray, bool]:
 
 
 def _corners(flat: np.ndarray, closed: bool) -> list[int]:
-    """Indices of points at which the contour turns by more than 0.5 rad from leg to leg."""
+    """Return the indices of points where the contour turns by more than 0.5 rad between legs."""
     count = len(flat)
     around = np.concatenate([flat, flat, flat]) if closed else flat
     offset = count if closed else 0
@@ -221,7 +226,7 @@ def _corners(flat: np.ndarray, closed: bool) -> list[int]:
     found: list[int] = []
     for k in range(offset, offset + count):
         near = (travel > travel[k] - LEG) & (travel < travel[k] + LEG)
-        # A rounded corner has a flat top: its middle.
+        # A rounded corner has a flat maximum: skip other points within a leg.
         if turn[k] > 0.5 and turn[k] >= turn[near].max() and not (
                 found and travel[k] - travel[found[-1]] < LEG):
             found.append(k)
@@ -233,7 +238,7 @@ def _corners(flat: np.ndarray, closed: bool) -> list[int]:
 
 
 def _runs(flat: np.ndarray, corners: list[int], closed: bool) -> list[np.ndarray]:
-    """Points between corners."""
+    """Split the points at the corners."""
     if not closed:
         return [flat[a:b + 1] for a, b in zip(
             [0, *corners], [*corners, len(flat) - 1], strict=True)]
@@ -246,7 +251,7 @@ def _runs(flat: np.ndarray, corners: list[int], closed: bool) -> list[np.ndarray
 
 def _assemble(pieces: list[Piece], closed: bool,
               lift: Callable[[ArrayLike], np.ndarray]) -> Outline:
-    """Outline of pieces in the plane; `lift` brings points (..., 2) into space."""
+    """Make the outline from plane pieces; `lift` transforms points (..., 2) into space."""
     joints = [meeting(before.curve, piece.curve, piece.points[0]) if piece.ends.start
               else on_curve(piece.curve, piece.points[0]) for before, piece in zip(
                   [pieces[-1], *pieces], pieces, strict=False)]

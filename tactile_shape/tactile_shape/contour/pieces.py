@@ -1,4 +1,4 @@
-"""Pieces of a plane contour: lines and arcs, as few as its points allow."""
+"""Division of a plane contour into as few lines and arcs as possible."""
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -7,12 +7,12 @@ import numpy as np
 from tactile_common.polyline import arc_length
 from tactile_shape.contour.curves import Arc, Line, STEPS
 
-ROUNDING = 3e-3  # m of contour next to a corner that is not used: the skin rounds it
-_FEW = 6  # points that a line or an arc needs at least
+ROUNDING = 3e-3  # m of contour next to a corner, not used because the skin rounds it
+_FEW = 6  # smallest number of points of a line or arc
 
 
 class Ends(NamedTuple):
-    """Whether a corner bounds a piece at its start and at its end."""
+    """True if a corner bounds a piece at its start, and at its end."""
 
     start: bool
     end: bool
@@ -20,7 +20,7 @@ class Ends(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Points (N, 2) of a side [m], whether corners bound it, and its curve."""
+    """Points (N, 2) of a side [m], which ends are corners, and the fitted curve."""
 
     points: np.ndarray
     ends: Ends
@@ -29,11 +29,11 @@ class Piece:
 
 def divide(points: np.ndarray, ends: Ends, tolerance: float) -> list[Piece]:
     """
-    Pieces of a run without corners, each a line or an arc, as few as the tolerance allows.
+    Divide a run without corners into as few lines and arcs as the tolerance allows.
 
-    A run that is neither is divided where the two parts fit best, and so on, where that explains
-    more than noise would; neighbours that fit as one are joined again, and the joints moved to
-    where they are best.
+    A run that neither a line nor an arc explains is divided, recursively, at the joint with the
+    best fit, if this reduces the residual by more than noise would. Then neighbours that one curve
+    explains are joined again, and the joints are moved to their best place.
     """
     whole = fit_piece(points, ends)
     if whole.curve.departure <= tolerance or len(points) < 4 * _FEW:
@@ -62,13 +62,17 @@ def divide(points: np.ndarray, ends: Ends, tolerance: float) -> list[Piece]:
 
 
 def _best_joint(points: np.ndarray, ends: Ends, first: int, last: int) -> int:
-    """Index from first to last, of some thirty, at which two pieces leave the least squares."""
+    """
+    Return the best of about thirty indices from first to last at which to divide a run.
+
+    The best index has the least sum of squares of the two pieces.
+    """
     candidates = range(first, max(last, first + 1), max(1, (last - first) // 30))
     return min(candidates, key=lambda joint: _square(_two(points, ends, joint, steps=1)))
 
 
 def _square(pieces: list[Piece]) -> float:
-    """Sum of squared distances of points to their pieces [m^2]."""
+    """Return the sum of squared distances of points to their pieces [m^2]."""
     return sum(part.curve.residual**2 * len(part.points) for part in pieces)
 
 
@@ -79,21 +83,21 @@ def _two(points: np.ndarray, ends: Ends, joint: int,
 
 
 def fit_piece(points: np.ndarray, ends: Ends, steps: int = STEPS) -> Piece:
-    """Line or arc through points (N, 2), without what the corners have rounded [m]."""
+    """Fit a line or arc to points (N, 2) [m], without the parts rounded by corners."""
     travel = arc_length(points)
     keep = (travel >= ROUNDING * ends.start) & (travel <= travel[-1] - ROUNDING * ends.end)
     return Piece(points, ends, _fit_curve(points[keep] if keep.sum() >= 3 else points, steps))
 
 
 def _is_better(count: int, square: float, than: float) -> bool:
-    """Whether a sum of squares of points is less than another by more than chance."""
-    # Neighbours share their noise: of three points, one counts. By chance F is seldom above 12.
+    """Return True if a sum of squares is smaller than another by more than chance."""
+    # Neighbours share their noise: three points count as one. By chance F rarely exceeds 12.
     freedom = max(1.0, count / 3.0 - 3.0)
     return than - square > 12.0 * max(square, 1e-24) / freedom
 
 
 def _fit_curve(points: np.ndarray, steps: int) -> Line | Arc:
-    """Line or, where the points demand it, arc."""
+    """Fit a line, or an arc if the points require it."""
     line = Line.fit(points)
     arc = Arc.fit(points, steps) if len(points) >= _FEW else None
     if arc is None:

@@ -1,1 +1,1 @@
-"""Local curvature from positions and normals of contact."""
+"""Local curvature from contact positions and normals."""

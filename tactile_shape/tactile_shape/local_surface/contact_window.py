@@ -1,23 +1,23 @@
-"""The last contacts of a path, averaged in cells so that their number is bounded."""
+"""Window of the last contacts of a path, averaged in cells so that their number is bounded."""
 import numpy as np
 
-CELLS = 24  # that a window is usually divided into
-MAX_CELLS = 3 * CELLS  # noise makes cells shorter than they should be
+CELLS = 24  # usual number of cells in a window
+MAX_CELLS = 3 * CELLS  # with noise, cells are shorter than intended
 
 
 class ContactWindow:
     """
-    The contacts of the last stretch of a path, in which the normal has turned by 0.7 rad at most.
+    Contacts of the last part of a path, in which the normal has turned by at most 0.7 rad.
 
-    Contacts within one cell, usually a 24th of the window, are averaged: this keeps time and
-    memory bounded however slowly the finger moves, and keeps noise from lengthening the path.
+    Contacts within one cell, usually a 24th of the window, are averaged. This bounds time and
+    memory however slowly the finger moves, and prevents noise from lengthening the path.
 
     Parameters
     ----------
     length : float
-        Of the path [m].
+        Length of the path [m].
     cell : float
-        Distance within which contacts are averaged [m]; well above their noise.
+        Distance within which contacts are averaged [m]; must be well above their noise.
     """
 
     def __init__(self, length: float, cell: float):
@@ -25,20 +25,20 @@ class ContactWindow:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all contacts."""
-        self._cells = np.empty((0, 7))  # mean point, mean normal, contacts
+        """Remove all contacts."""
+        self._cells = np.empty((0, 7))  # mean point, mean normal, number of contacts
         self._start = np.full(3, np.nan)  # first point of the newest cell
 
     def add(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """
-        Add a contact (3,), (3,) and return the cells of the last stretch, the oldest first.
+        Add a contact (3,) with its normal (3,); return the cells of the window, oldest first.
 
-        Rows (m, 7) of mean point, mean normal and number of contacts: a view, valid until the next
-        contact is added.
+        The rows (m, 7) are mean point, mean normal and number of contacts. They are a view that is
+        valid until the next contact is added.
         """
         contact = np.concatenate([point, normal])
         away = point - self._start
-        if away @ away < self._cell**2:  # not of the first, whose start is NaN
+        if away @ away < self._cell**2:  # false for the first contact: start is NaN
             newest = self._cells[-1]
             newest[6] += 1.0
             newest[:6] += (contact - newest[:6]) / newest[6]
@@ -56,7 +56,7 @@ class ContactWindow:
 
 
 def path_length(cells: np.ndarray) -> float:
-    """Length of the path through cells (m, 7) [m]."""
+    """Return the length of the path through cells (m, 7) [m]."""
     return float(_steps(cells).sum())
 
 

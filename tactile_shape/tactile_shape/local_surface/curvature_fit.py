@@ -1,11 +1,11 @@
 """
-Least squares of a plane, sphere, cylinder or general surface at a contact.
+Least-squares fit of a plane, sphere, cylinder or general surface at a contact.
 
 In a tangent frame with inward normal n and u = (x, y), any plane, sphere or cylinder satisfies
 
     -n_xy = b + K u    and    z (1 + n_z) / 2 = a + b u + u' K u / 2
 
-however large the arc. Both are linear in the height a, the slope b and the curvature K.
+however large the arc. Both equations are linear in the height a, the slope b and the curvature K.
 """
 import math
 from typing import NamedTuple
@@ -16,58 +16,60 @@ from tactile_shape.local_surface.least_model import curvature_covariance, least_
 from tactile_shape.types.patch import Kind, PRIOR_CURVATURE
 from tactile_shape.types.tangent import Principal, principal, principal_curvatures, turn_about_z
 
-PASSES = 3  # weights depend on K: by the third pass they no longer change
-ENOUGH = 10  # cells whose residuals tell their noise
+PASSES = 3  # the weights depend on K and no longer change after three passes
+ENOUGH = 10  # number of cells needed to estimate the noise from residuals
 
 
 class Noise(NamedTuple):
-    """Standard deviations of one contact; of the normal [rad], else [m]."""
+    """Standard deviations of one contact, in [m] and for the normal in [rad]."""
 
     position: float
-    location: float  # of what moves along the surface
+    location: float  # of errors along the surface
     normal: float
-    height: float  # beyond that of position
+    height: float  # in addition to position
 
 
 class Fit(NamedTuple):
-    """Least model of contacts; height and slope in the frame `axes`."""
+    """Simplest model of the contacts; height and slope are in the frame `axes`."""
 
-    kind: Kind  # NONE where the path is too short to see any curvature
-    axes: np.ndarray  # (3, 3), tangent frame turned so that x is the path's direction
+    kind: Kind  # NONE if the path is too short to show any curvature
+    axes: np.ndarray  # (3, 3), tangent frame with x along the path
     height: float  # a [m]
     slope: np.ndarray  # b, (2,)
     principal: Principal
     covariance: np.ndarray  # (2, 2), of the principal curvatures
-    seen: np.ndarray  # (2,), variance of each as the data alone tell it
+    seen: np.ndarray  # (2,), variance of each from the data alone
     along: float  # variance of the curvature along the path
     residual: float  # RMS in standard deviations
-    scatter: float  # standard deviation of positions about the surface, at least that told [m]
+    scatter: float  # standard deviation of positions from the surface, at least the given one [m]
 
 
 class Fitter:
     """
-    Least squares of a stretch of contacts; the first `count` of K are seen, else the prior's.
+    Least-squares fit of the contacts in a window.
+
+    The first `count` of (K11, K12, K22) are fitted; the others keep their prior.
 
     Parameters
     ----------
     points, normals : ndarray, shape (m, 3)
-        In a tangent frame [m].
+        Contacts in a tangent frame [m].
     weights : ndarray, shape (m,)
-        Independent samples in each contact.
+        Number of independent samples in each contact.
     noise : Noise
-        Of one sample; that of position grows to what the heights scatter by.
+        Noise of one sample; its position noise is increased to the scatter of the heights.
 
-    With height and slope eliminated, `left` (4, 4) holds information and right side of K, and the
-    chi-square of K = 0; height and slope are the last column of `lift` (3, 4) less the others
-    times K.
+    Height and slope are eliminated. `left` (4, 4) contains information and right side of K, and
+    the chi-square of K = 0. Height and slope are the last column of `lift` (3, 4) minus its other
+    columns times K.
     """
 
     def __init__(self, points: np.ndarray, normals: np.ndarray, weights: np.ndarray, noise: Noise,
                  count: int):
         self._points, self._normals, self._weights = points, normals, weights
         self.noise, self._count = noise, count
-        # Coefficients of a, b1, b2, K11, K12, K22 and right side: of the equation of each
-        # contact's height, and of the two of its normal.
+        # Coefficients of a, b1, b2, K11, K12, K22 and right side, for three equations per
+        # contact: one for its height, two for its normal.
         self._rows = rows = np.zeros((3, len(points), 7))
         x, y, z = points.T
         rows[0, :, 0] = rows[1, :, 1] = rows[2, :, 2] = 1.0
@@ -86,29 +88,30 @@ class Fitter:
     def sums(self, curvature: np.ndarray, doubt: np.ndarray,
              model_error: float = 0.0) -> np.ndarray:
         """
-        Sums of the products of the rows, weighted by the inverse of their covariance.
+        Sum the products of the rows, weighted by the inverse of their covariance.
 
         Parameters
         ----------
         curvature : ndarray, shape (3,)
-            K11, K12, K22: with them, a displacement along the surface is an error of the normal.
+            K11, K12, K22: through them, a displacement along the surface causes an error of the
+            normal.
         doubt : ndarray, shape (3,)
-            Their variances, since what is not known of K makes errors as well.
+            Their variances: the uncertainty of K causes errors too.
         model_error : float
-            What the model leaves out, over the third-order term |K u|^3 of normal and height.
+            Error of the model, relative to the third-order term |K u|^3 of normal and height.
 
         Returns
         -------
         ndarray, shape (7, 7)
-            Normal equations of (a, b1, b2, K11, K12, K22); in the last column their right side,
-            and its weighted square.
+            Normal equations of (a, b1, b2, K11, K12, K22); the last column contains their right
+            side and its weighted square.
         """
         k11, k12, k22 = curvature.tolist()
         noise, (x, y, z), n = self.noise, self._points.T, self._normals
         lean, up = (n[:, :2]**2).sum(axis=1), np.maximum(n[:, 2], 0.1)
         turn = (k11 * x + k12 * y)**2 + (k12 * x + k22 * y)**2
         unlike = self._weights * model_error**2 * turn
-        # Along the surface, height and slope move together and cancel up to the second order.
+        # For a shift along the surface, changes of height and slope cancel to second order.
         left_over = 0.5 * (1.0 - up) / up
         height = (noise.position**2 * (lean + 0.25 * (1.0 + up)**2) + noise.height**2
                   + noise.location**2 * lean * left_over**2 + unlike * turn * z**2)
@@ -132,26 +135,30 @@ class Fitter:
 
     @property
     def right(self) -> np.ndarray:
-        """The information times K, ndarray (3,)."""
+        """Information matrix times K, ndarray (3,)."""
         return self._left[:3, 3]
 
     def flat(self, curvature: np.ndarray) -> np.ndarray:
-        """Height and slope, ndarray (3,), with a curvature (3,)."""
+        """Return height and slope, ndarray (3,), for a curvature (3,)."""
         return self._lift[:, 3] - self._lift[:, :3] @ curvature
 
     def general(self) -> np.ndarray:
         """
-        Curvature (3,) of a general surface.
+        Return the curvature (3,) of a general surface.
 
-        It may depart from a second-order one by a tenth of its third order, so that far contacts
-        count less.
+        The surface may differ from a second-order one by a tenth of its third order, so that
+        distant contacts have less weight.
         """
         for _ in range(2):
             self._solve(np.linalg.solve(self.information, self.right), self._doubt, 0.1)
         return np.linalg.solve(self.information, self.right)
 
     def excess(self) -> tuple[float, float]:
-        """Chi-square per degree of freedom, at least 1: what is unexplained is noise. Its RMS."""
+        """
+        Return chi-square per degree of freedom and its RMS.
+
+        The first value is at least 1: unexplained residuals count as noise.
+        """
         freedom = 3 * len(self._points) - 3 - self._count
         if freedom < 1:
             return 1.0, math.nan
@@ -169,21 +176,25 @@ class Fitter:
             self._left[unseen, unseen] = 1.0 / PRIOR_CURVATURE**2
 
     def _scatter(self, curvature: np.ndarray, told: float) -> float:
-        """Standard deviation of positions [m], from residuals of heights if that is the larger."""
+        """Return the standard deviation of positions [m], larger if heights scatter more."""
         weights, heights = self._weights, self._rows[0]
         if len(weights) < ENOUGH:
             return told
         residual = heights[:, 6] - heights[:, :6] @ [*self.flat(curvature), *curvature]
-        # Of the six parameters, the heights alone have paid for two, about.
+        # The heights alone determine about two of the six parameters.
         return max(told, math.sqrt(weights @ residual**2 / (len(weights) - 2)))
 
 
 def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndarray, int]:
-    """Turn (3, 3) about z that brings x along a path (m, 2), and how many of K it can see."""
+    """
+    Return the rotation (3, 3) about z that turns x along a path (m, 2), and the count of K.
+
+    The count is the number of elements of K that the path can determine.
+    """
     off = u - weights @ u / weights.sum()
     spread = (weights[:, None] * off).T @ off / weights.sum()
     large, small, heading = principal(spread[0, 0], spread[0, 1], spread[1, 1])
-    # Its breadth counts from three standard deviations of the noise on.
+    # A width below three standard deviations of the noise does not count.
     fuzz = 9.0 * std**2 * len(weights) / weights.sum() + 1e-24
     count = 0 if large < fuzz else 2 if small < fuzz else 3
     return turn_about_z(heading), count
@@ -192,18 +203,18 @@ def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndar
 def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
                   axes: np.ndarray, noise: Noise) -> Fit:
     """
-    Fit of the least model to contacts, each the mean of some samples.
+    Fit the simplest model to contacts, each the mean of some samples.
 
     Parameters
     ----------
     points, normals : ndarray, shape (m, 3)
-        The points from the origin of the tangent frame.
+        Contacts; the points are relative to the origin of the tangent frame.
     weights : ndarray, shape (m,)
-        Samples of each contact.
+        Number of samples of each contact.
     axes : ndarray, shape (3, 3)
         Tangent frame: columns x, y and the inward normal.
     noise : Noise
-        Of one sample; what it has along the surface may fake a path's breadth.
+        Noise of one sample; its part along the surface can make a path look wider.
     """
     turn, count = _path_frame(
         points @ axes[:, :2], weights, math.hypot(noise.position, noise.location))
@@ -218,7 +229,7 @@ def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
             excess, residual = fitter.excess()
     information, flat = fitter.information / excess, fitter.flat(curvature)
     main = _principal(kind, curvature)
-    # What was not seen cannot be known better by calling it a cylinder.
+    # An unseen curvature does not become certain by the choice of a cylinder.
     covariance, seen = curvature_covariance(
         kind if count == 3 else Kind.GENERAL, information, main)
     return Fit(kind, axes, flat[0], flat[1:], main, covariance, seen,
@@ -226,7 +237,7 @@ def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
 
 
 def _principal(kind: Kind, curvature: np.ndarray) -> Principal:
-    """Principal curvatures of a model, the larger in magnitude first."""
+    """Return the principal curvatures of a model, the larger in magnitude first."""
     one, other, heading = principal_curvatures(*curvature.tolist())
     if kind == Kind.CYLINDER:
         return Principal(one, 0.0, heading)

@@ -1,4 +1,4 @@
-"""Choice of the least surface: plane, sphere, cylinder or general, by chi-square."""
+"""Choice of the simplest surface by chi-square: plane, sphere, cylinder or general."""
 import math
 
 import numpy as np
@@ -6,27 +6,27 @@ import numpy as np
 from tactile_shape.types.patch import Kind
 from tactile_shape.types.tangent import Principal
 
-# Chi-square exceeded by 1 % of samples with 1, 2 and 3 degrees of freedom.
+# Values of chi-square that 1 % of samples exceed, for 1, 2 and 3 degrees of freedom.
 LEVELS = (0.0, 6.635, 9.210, 11.345)
-_ALIKE = np.array([1.0, 0.0, 1.0])  # of (K11, K12, K22): a sphere's
+_ALIKE = np.array([1.0, 0.0, 1.0])  # (K11, K12, K22) of a sphere
 
 
 def along(heading: float) -> np.ndarray:
-    """(K11, K12, K22) of the curvature 1 along a heading [rad] and none across."""
+    """Return (K11, K12, K22) for curvature 1 along a heading [rad] and 0 across it."""
     c, s = math.cos(heading), math.sin(heading)
     return np.array([c * c, c * s, s * s])
 
 
 def _gain(information: np.ndarray, right: np.ndarray, form: np.ndarray) -> float:
-    """Chi-square that a curvature of a form (3,) takes away."""
+    """Return the reduction of chi-square by the best curvature of a form (3,)."""
     return (form @ right)**2 / (form @ information @ form)
 
 
 def _best_cylinder(information: np.ndarray, right: np.ndarray) -> float:
     """
-    Heading of the cylinder that takes away most chi-square [rad].
+    Return the heading of the cylinder that reduces chi-square most [rad].
 
-    With t the tangent of the heading it takes away p(t)^2 / q(t): at its largest
+    With t the tangent of the heading, the reduction is p(t)^2 / q(t). At its maximum
     2 p' q = p q', a polynomial of degree 4.
     """
     p, i = right[::-1], information
@@ -40,14 +40,14 @@ def _best_cylinder(information: np.ndarray, right: np.ndarray) -> float:
 def least_model(information: np.ndarray, right: np.ndarray,
                 count: int) -> tuple[Kind, np.ndarray]:
     """
-    Least of plane, sphere, cylinder and general whose chi-square is no worse than chance.
+    Choose the simplest of plane, sphere, cylinder and general that chi-square does not reject.
 
     Parameters
     ----------
     information, right : ndarray, shapes (3, 3) and (3,)
-        Of (K11, K12, K22).
+        Normal equations of (K11, K12, K22).
     count : int
-        How many of them were seen, K22 last.
+        Number of elements that were seen; K22 is the last one.
 
     Returns
     -------
@@ -60,8 +60,8 @@ def least_model(information: np.ndarray, right: np.ndarray,
     form = along(_best_cylinder(information, right))
     cylinder = form @ right / (form @ information @ form) * form
     if count < 3:
-        # A cylinder tells the curvature across the path from the other two, as long as it leans
-        # little on what was not seen.
+        # A cylinder gives the curvature across the path from the other two, provided that it
+        # depends little on the unseen element.
         return (Kind.CYLINDER, cylinder) if form[0] > 0.5 else (Kind.GENERAL, full)
     sphere_gap = most - _gain(information, right, _ALIKE)
     cylinder_gap = most - _gain(information, right, form)
@@ -73,9 +73,10 @@ def least_model(information: np.ndarray, right: np.ndarray,
 def curvature_covariance(kind: Kind, information: np.ndarray,
                          found: Principal) -> tuple[np.ndarray, np.ndarray]:
     """
-    Covariance (2, 2) of the principal curvatures, and their variances (2,) by the data alone.
+    Return the covariance (2, 2) of the principal curvatures and their variances (2,).
 
-    What a model fixes has in the covariance what the data alone say.
+    The variances come from the data alone. Where the model fixes a curvature, the covariance also
+    contains the variance from the data alone.
     """
     covariance = np.linalg.inv(information)
     form, across = along(found.heading), along(found.heading + 0.5 * math.pi)

@@ -1,10 +1,10 @@
 """
-Least-model estimator: the least surface that explains positions and normals along a path.
+Estimator of the simplest surface that explains positions and normals along a path.
 
-Thesis, chapter 4, asks for ten parameters from a few contacts. Here, in the tangent frame at the
-newest contact, only the three numbers of the curvature K are asked of a whole window of travel;
-height and slope are by-products. A round finger feels the surface of its centre, which has no
-error of location; the curvature is converted at the end.
+The thesis (chapter 4) determines ten parameters from a few contacts. This estimator determines
+only the three numbers of the curvature K, in the tangent frame at the newest contact, from a whole
+window of travel; height and slope are by-products. For a round finger it estimates the surface of
+the finger's centre, which has no location error, and converts the curvature at the end.
 """
 from dataclasses import dataclass
 import math
@@ -18,12 +18,12 @@ from tactile_shape.local_surface.curvature_fit import ENOUGH, Fit, fit_curvature
 from tactile_shape.types.patch import certain_enough, Patch, SurfaceEstimator, usable_normal
 from tactile_shape.types.tangent import tangent_frame
 
-MAX_WEIGHT = 16.0  # contacts of one cell that count as independent; a finger at rest adds no more
+MAX_WEIGHT = 16.0  # largest number of independent contacts per cell, for a finger at rest
 
 
 @dataclass(frozen=True)
 class LocalQuadricConfig:
-    """How local curvature is estimated."""
+    """Settings of the estimator of local curvature."""
 
     window: float = bounded(
         0.024, 'length of the path that a patch is fitted to', 'm', 1e-4, 1.0)
@@ -43,7 +43,7 @@ class LocalQuadricConfig:
 
 
 class LocalQuadric(SurfaceEstimator):
-    """Estimate the surface at each new contact of a path."""
+    """Estimates the surface at each new contact of a path."""
 
     method = 'local_quadric'
 
@@ -54,7 +54,7 @@ class LocalQuadric(SurfaceEstimator):
         self._noise = Noise(
             c.position_noise, c.location_noise, math.hypot(c.normal_noise, on_finger),
             c.finger_radius * c.normal_noise)
-        # Well above the noise of location, which would lengthen the path.
+        # Well above the location noise, which would otherwise lengthen the path.
         self._cell = max(c.window / CELLS, 5.0 * math.hypot(c.position_noise, c.location_noise))
         self._window = ContactWindow(c.window, self._cell)
         self.reset()
@@ -88,8 +88,8 @@ class LocalQuadric(SurfaceEstimator):
         curvature, covariance, variance = np.array(fit.principal[:2]), fit.covariance, fit.seen
         radius, enough = self.config.finger_radius, self.config.max_curvature_std
         if radius:
-            # The centre moves on a surface whose radii are larger by the finger's: over an edge,
-            # on one of the finger's own radius.
+            # The finger's centre moves on a surface whose radii are larger by the finger's radius;
+            # over an edge its radius is the finger's.
             shrink = 1.0 - radius * curvature
             if shrink.min() < 0.02:
                 return self.refused('an edge or a point: its curvature is above what a finger of '
@@ -108,9 +108,10 @@ class LocalQuadric(SurfaceEstimator):
 
     def _best_fit(self) -> tuple[np.ndarray, Fit]:
         """
-        Fit to all cells, or to the newer half where they reach back over another surface.
+        Fit all cells, or only the newer half if the older cells lie on another surface.
 
-        That is tried where they scatter twice as much as told, and must leave far less of it.
+        The newer half is tried if the scatter of all cells is more than twice the given noise. It
+        is used if its scatter is less than 0.6 of the scatter of all cells.
         """
         cells, newer = self._cells, self._cells[(len(self._cells) + 1) // 2:]
         fit = self._fit(cells)
@@ -127,7 +128,7 @@ class LocalQuadric(SurfaceEstimator):
 
 
 def _frame(centre: np.ndarray, fit: Fit, radius: float) -> np.ndarray:
-    """Pose of the contact frame: fitted origin and normal, x along the first principal axis."""
+    """Return the contact frame's pose: fitted origin and normal, x along the first direction."""
     normal = fit.axes @ [-fit.slope[0], -fit.slope[1], 1.0]
     normal /= np.linalg.norm(normal)
     x = fit.axes[:, :2] @ [math.cos(fit.principal.heading), math.sin(fit.principal.heading)]

@@ -1,1 +1,1 @@
-"""ROS nodes: convert, one core call, publish."""
+"""ROS nodes: each callback converts, calls the core once and publishes."""

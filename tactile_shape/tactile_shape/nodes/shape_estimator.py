@@ -1,4 +1,4 @@
-"""Shape estimator node: contacts and the sensor's pose in, surface patches and contour out."""
+"""Shape estimator node: computes surface patches and a contour from contacts and sensor poses."""
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from tactile_shape.shape_estimator import make_surface_estimator, METHODS, Shape
 from tactile_shape.types.patch import Patch, refusal
 
 SOURCES = ('sensor', 'servo')
-# Nobody waits for a patch: on a busy machine late is better than lost. Of poses there are more.
+# Patches are not time-critical, so long queues avoid losses on a busy machine.
 _LATE, _POSES = (QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
                  for depth in (WAITING, 3 * WAITING))
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -39,7 +39,7 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 @dataclass(frozen=True)
 class ShapeEstimatorConfig:
-    """How contacts become patches, and how often what accumulates is published."""
+    """Method and source of the estimate, and period of the published model."""
 
     method: str = one_of(
         METHODS[0], "'local_quadric' (least model over a window of travel) or "
@@ -56,7 +56,7 @@ class ShapeEstimatorConfig:
 
 
 class _ModelPublisher:
-    """Publishes contour and markers if they have changed and it is time, or contact is lost."""
+    """Publishes changed contour and markers periodically and when contact is lost."""
 
     def __init__(self, create_publisher: Callable[..., Any], period: float):
         self._contours = create_publisher(Path, 'contour', _LATCHED)
@@ -65,16 +65,16 @@ class _ModelPublisher:
         self.begin()
 
     def begin(self) -> None:
-        """Forget what was touched."""
+        """Forget the model."""
         self._newest: Patch | None = None
         self._published_ns: int | None = None
         self._total, self._touching, self._changed = 0, False, False
 
     def take(self, model: ObjectModel, patch: Patch, placed: Placed, header: Header) -> None:
-        """Take in the patch of a contact, and what the model has become by it."""
+        """Process the patch of a contact and the updated model."""
         if patch.valid:
             self._newest = patch
-        lost = placed.contact is None and placed.anew  # then its stroke has got an end
+        lost = placed.contact is None and placed.anew  # its stroke has ended
         self._changed |= patch.valid or model.total != self._total or (lost and self._touching)
         self._total, self._touching = model.total, not lost
         stamp, before = stamp_to_ns(header.stamp), self._published_ns
@@ -88,12 +88,12 @@ class _ModelPublisher:
 
 class ShapeTopics:
     """
-    A shape estimator between messages, in a graph or beside one.
+    A shape estimator between messages, inside or outside a ROS graph.
 
     Parameters
     ----------
     create_publisher : callable
-        As of a node; what it gives is used to publish alone.
+        Same as a node's method; only `publish` of the result is used.
     warn : callable
         Takes a text.
     own, surface, model : ShapeEstimatorConfig, LocalQuadricConfig, ModelConfig
@@ -119,11 +119,11 @@ class ShapeTopics:
 
     @property
     def lost(self) -> int:
-        """Contacts that no pose came for."""
+        """Number of contacts without a pose."""
         return self._path.lost
 
     def take_pose(self, msg: PoseStamped) -> None:
-        """Take a pose of the sensor."""
+        """Process a pose of the sensor."""
         try:
             pose = pose_from_msg(msg.pose)
         except TactileError as error:
@@ -143,17 +143,17 @@ class ShapeTopics:
         self._take(self._path.add_pose(stamp_ns, pose))
 
     def take_image(self, raw: bytes) -> None:
-        """Take the bytes of an image."""
+        """Process the bytes of an image."""
         with suppress(*DAMAGE):
             self._path.add_picture(stamp_of(raw), lambda: _image(raw))
 
     def take_contact(self, stamp_ns: int, contact: Contact, sensor: str) -> None:
-        """Take a contact of a sensor of that name, and the stamp of its image [ns]."""
+        """Process a contact of the named sensor with the stamp of its image [ns]."""
         if not self.by_servo or contact.type == ContactType.NONE:
             self._take(self._path.add_contact(stamp_ns, contact, (stamp_ns, sensor)))
 
     def take_touch(self, msg: PoseStamped) -> None:
-        """Take a contact that a servo tells."""
+        """Process a contact published by the servo."""
         try:
             pose = pose_from_msg(msg.pose)
         except TactileError as error:
@@ -179,7 +179,7 @@ class ShapeTopics:
     def _message_of(self, patch: Patch, header: Header, sensor: str) -> SurfacePatch:
         if patch.method:
             return patch_to_msg(patch, header, sensor)
-        message = self._none  # of an edge every contact has none
+        message = self._none  # reused, because every contact with an edge has no patch
         message.header, message.sensor, message.reason = header, sensor, patch.reason
         return message
 
@@ -192,13 +192,13 @@ def _image(raw: bytes) -> Image | None:
 
 class ShapeEstimatorNode(TactileNode):
     """
-    Estimate the surface at every contact, and gather what was touched.
+    Estimates the surface at every contact and accumulates what was touched.
 
-    Subscribes to `contact`, `sensor_pose` and, for bends and ends of edges, `image`, which
-    it matches by their stamps: no clock is looked at, so that a replayed recording gives what
-    the run gave. With contacts from a servo, those from the sensor only tell when nothing is
-    touched any more. Publishes `surface_patch` for every contact, and `contour` and `markers` now
-    and then. Parameters: `ShapeEstimatorConfig`, `LocalQuadricConfig`, `ModelConfig`.
+    Subscribes to `contact`, `sensor_pose` and `image` (for bends and ends of edges) and matches
+    them by their stamps. It uses no clock, so that a replayed recording gives the same result.
+    With contacts from a servo, the sensor's contacts only show when contact is lost. Publishes
+    `surface_patch` for every contact, and `contour` and `markers` periodically. Parameters:
+    `ShapeEstimatorConfig`, `LocalQuadricConfig`, `ModelConfig`.
     """
 
     def __init__(self, **kwargs: Any):
@@ -210,7 +210,7 @@ class ShapeEstimatorNode(TactileNode):
         if self._shape.by_servo:
             self.create_subscription(
                 PoseStamped, 'surface_contact', self._shape.take_touch, 10)
-        else:  # before its contact, where both wait
+        else:  # subscribed before `contact`: of two waiting messages, the image comes first
             self.create_subscription(
                 TactileImage, 'image', self._shape.take_image, _LATE, raw=True)
         self.create_subscription(ContactMsg, 'contact', self._on_contact, _LATE)

@@ -1,1 +1,1 @@
-"""The thesis' estimator, as printed; chosen by its name in `shape_estimator`."""
+"""The thesis' estimator as printed, selected by its name in `shape_estimator`."""

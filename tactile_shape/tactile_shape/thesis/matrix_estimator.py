@@ -1,4 +1,4 @@
-"""The thesis' estimator on a stream of contacts: ten parameters from the last few of them."""
+"""The thesis' estimator for a stream of contacts: ten parameters from the last few of them."""
 from collections import deque
 from typing import Any, NamedTuple
 
@@ -28,9 +28,9 @@ class _Contact(NamedTuple):
 
 class MatrixEstimator(SurfaceEstimator):
     """
-    Estimate the surface matrix at each new contact of a path.
+    Estimates the surface matrix at each new contact of a path.
 
-    It is fitted to some contacts, at least 4, spread over a window; the thesis takes 5.
+    The fit uses some contacts, at least 4, spread over a window; the thesis uses 5.
     """
 
     method = 'surface_matrix'
@@ -56,7 +56,7 @@ class MatrixEstimator(SurfaceEstimator):
         return True
 
     def estimate(self) -> Patch:
-        """Patch at the newest contact; not valid where anything is unseen."""
+        """Return the patch at the newest contact; invalid if any parameter is unseen."""
         if self._newest is None:
             return self.refused('no contact yet')
         contacts = list(self._kept)
@@ -84,7 +84,7 @@ class MatrixEstimator(SurfaceEstimator):
         known |= {'frame': pose, 'curvature': curvature, 'covariance': covariance, 'seen': seen,
                   'matrix': local.in_frame(back).matrix}
         if fit.rank < 9:
-            # With noise, what is left out bends the rest: none of it is to be used.
+            # With noise, missing parameters bias all others, so none may be used.
             return self.refused(
                 f'{len(contacts)} contacts see {fit.rank} of 9 parameters, not all of '
                 + ', '.join(fit.unseen_names), **known)
@@ -94,7 +94,11 @@ class MatrixEstimator(SurfaceEstimator):
         return Patch(Kind.GENERAL, True, '', self.method, **known)
 
     def _certainty(self, fit: MatrixFit, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Covariance of the principal curvatures, with the prior where unseen; which are seen."""
+        """
+        Return the covariance of the principal curvatures and which of them are seen.
+
+        Unseen curvatures have the variance of the prior.
+        """
         gradient = np.zeros((2, 10))
         for row, (x, y, _) in zip(gradient, axes.T[:2], strict=True):
             row[_CURVATURE] = -2.0 * np.array([x * x, 2.0 * x * y, y * y])
@@ -105,7 +109,7 @@ class MatrixEstimator(SurfaceEstimator):
 
 
 def contacts_in_frame(positions: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Points and normals (N, 3) in the frame of the last contact, and its pose (4, 4)."""
+    """Return points and normals (N, 3) in the frame of the last contact, and its pose (4, 4)."""
     axes = tangent_frame(normals[-1])
     frame = np.eye(4)
     frame[:3, :3], frame[:3, 3] = axes, positions[-1]

@@ -1,4 +1,4 @@
-"""The thesis' estimator: ten surface parameters from points and normals (4.32 to 4.37)."""
+"""The thesis' fit of ten surface parameters to points and normals (4.32 to 4.37)."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,14 +12,14 @@ _KNOWN = PARAMETERS.index('c44')  # 0: the contact lies at the origin
 
 @dataclass(frozen=True, eq=False)
 class MatrixFit:
-    """Surface matrix in the current contact frame, and what of it the data saw."""
+    """Surface matrix in the current contact frame, and which parameters the data determine."""
 
-    surface: SurfaceMatrix | None  # None where not even a normal was seen; unseen directions are 0
+    surface: SurfaceMatrix | None  # None if not even a normal was seen; unseen directions are 0
     parameters: np.ndarray  # (10,), as PARAMETERS; c44 is 0 by definition of the frame
-    rank: int  # independent combinations seen of the nine other parameters
-    unseen: np.ndarray  # (9 - rank, 10), combinations, of length 1, that the contacts cannot see
-    unseen_names: tuple[str, ...]  # parameters with a share in these
-    covariance: np.ndarray  # (10, 10), of what was seen, from residuals, else `normal_noise`
+    rank: int  # number of seen independent combinations of the other nine parameters
+    unseen: np.ndarray  # (9 - rank, 10), combinations of length 1 that the contacts do not show
+    unseen_names: tuple[str, ...]  # parameters in these combinations
+    covariance: np.ndarray  # (10, 10), of the seen part, from residuals and `normal_noise`
     residual: float  # RMS of the normals' residuals [rad]
 
 
@@ -28,24 +28,24 @@ def fit_matrix(points: np.ndarray, normals: np.ndarray, *, position_noise: float
     """
     Fit a surface matrix to points and normals by 2 L S X = n.
 
-    Exact for plane, cylinder and sphere. On any other quadric 2 L S X is not of length 1 away
-    from the origin, so that unit normals leave an error of third order.
+    The fit is exact for plane, cylinder and sphere. On any other quadric 2 L S X has not length 1
+    away from the origin, so that unit normals leave a third-order error.
 
     Parameters
     ----------
     points, normals : ndarray, shape (N, 3)
-        In the contact frame of which the surface is wanted: z inward, the origin a contact.
+        Contacts in the contact frame of the wanted surface: z inward, the origin is a contact.
     position_noise : float, optional
-        Standard deviation of a coordinate [m]: directions that the points' spread shows no
-        clearer than that are not seen.
+        Standard deviation of a coordinate [m]: directions in which the points spread less count as
+        unseen.
     normal_noise : float, optional
         Standard deviation of a normal's component [rad].
     """
-    # Lengths in units of the spread: else curvatures and normals are not to be compared.
+    # Lengths are in units of the spread, so that curvatures and normals are comparable.
     unit = max(np.abs(points).max(), 1e-12)
     matrix = design_matrix(points / unit)
     left, values, right = np.linalg.svd(matrix, full_matrices=True)
-    # What rounding, or noise, leaves of a singular value.
+    # Smallest singular value above rounding errors and noise.
     floor = max(1e-12 * values[0], 2.0 * np.sqrt(len(points)) * position_noise / unit)
     rank = int(np.count_nonzero(values > floor))
     scale = np.full(10, 1.0 / unit)
@@ -74,7 +74,11 @@ def fit_matrix(points: np.ndarray, normals: np.ndarray, *, position_noise: float
 
 
 def design_matrix(points: np.ndarray) -> np.ndarray:
-    """A of (4.32) without the known c44: rows 3 i to 3 i + 2 give S y_i, y_i of points (N, 3)."""
+    """
+    Return A of (4.32) without the known c44: rows 3 i to 3 i + 2 give S y_i.
+
+    The y_i are the homogeneous points of `points` (N, 3).
+    """
     matrix = np.zeros((len(points), 3, 9))
     x, y, z = points.T
     for row, columns in enumerate(((0, 1, 2, 3), (1, 4, 5, 6), (2, 5, 7, 8))):

@@ -1,1 +1,1 @@
-"""Plain data: what is said of a surface."""
+"""Plain data types that describe a surface."""

@@ -1,4 +1,4 @@
-"""What an estimator says about the surface at a contact."""
+"""Estimated surface at a contact, and the interface of surface estimators."""
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -12,7 +12,7 @@ from tactile_shape.types.tangent import height
 
 
 class Kind(IntEnum):
-    """Least surface that explains the contacts; the numbers of SurfacePatch.msg."""
+    """Simplest surface that explains the contacts; the numbers are those of SurfacePatch.msg."""
 
     NONE = 0
     PLANE = 1
@@ -21,12 +21,12 @@ class Kind(IntEnum):
     GENERAL = 4
 
 
-PRIOR_CURVATURE = 100.0  # 1/m, standard deviation before anything is touched
+PRIOR_CURVATURE = 100.0  # 1/m, standard deviation of the prior
 
 
 def usable_normal(position: np.ndarray, normal: np.ndarray) -> np.ndarray | None:
-    """Normal scaled to length 1; None if a contact is not finite or the length far from it."""
-    # NaN fails these comparisons as well.
+    """Scale a normal to length 1; None if not finite or if the length is not 1 within 1e-3."""
+    # NaN also fails these comparisons.
     if not (np.abs(position).max() < 1e6 and np.abs(normal).max() < 2.0):
         return None
     length = np.sqrt(normal @ normal)
@@ -34,7 +34,7 @@ def usable_normal(position: np.ndarray, normal: np.ndarray) -> np.ndarray | None
 
 
 def certain_enough(variance: np.ndarray, curvature: np.ndarray, std: float) -> np.ndarray:
-    """Whether variances are below those of a standard deviation, or of a tenth of the value."""
+    """Return which variances are below std^2 or the square of a tenth of the curvature."""
     return variance < np.maximum(std, 0.1 * np.abs(curvature))**2
 
 
@@ -44,37 +44,37 @@ def _nan(*shape: int) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """Second-order surface at the newest contact; SI, in the frame of the positions given."""
+    """Second-order surface at the newest contact; SI units, in the frame of the positions."""
 
     kind: Kind
     valid: bool
-    reason: str  # why not valid, one line; empty if valid
+    reason: str  # why it is invalid, one line; empty if valid
     method: str  # 'local_quadric' or 'surface_matrix'
-    # Contact frame: origin on the surface, x and y principal directions, z the inward normal.
+    # Contact frame: origin on the surface, x and y principal directions, z inward normal.
     frame: np.ndarray = _nan(4, 4)
     # Principal curvatures along x and y, the larger in magnitude first, positive if convex [1/m].
     curvature: np.ndarray = _nan(2)
-    # Whether the path could see each; where not, the value is a prior, not a measurement.
+    # True if the path determines the curvature; if not, its value comes from the prior.
     seen: np.ndarray = field(default_factory=lambda: np.zeros(2, bool))
-    covariance: np.ndarray = _nan(2, 2)  # of the curvatures; of an unseen one, the prior's
-    extent: float = 0.0  # length of the path that was used [m]
+    covariance: np.ndarray = _nan(2, 2)  # of the curvatures; the prior's for an unseen one
+    extent: float = 0.0  # length of the path used [m]
     samples: int = 0  # contacts used
-    residual: float = float('nan')  # RMS in standard deviations; NaN where none is left over
-    matrix: np.ndarray | None = None  # S, of a method that has more than frame and curvature tell
+    residual: float = float('nan')  # RMS in standard deviations; NaN without redundancy
+    matrix: np.ndarray | None = None  # S, if a method knows more than frame and curvature
 
     @property
     def origin(self) -> np.ndarray:
-        """Contact on the fitted surface, ndarray (3,) [m]."""
+        """Contact point on the fitted surface, ndarray (3,) [m]."""
         return self.frame[:3, 3]
 
     @property
     def directions(self) -> np.ndarray:
-        """Principal directions, a row each, ndarray (2, 3)."""
+        """Principal directions as rows, ndarray (2, 3)."""
         return self.frame[:3, :2].T
 
     @property
     def surface_matrix(self) -> np.ndarray:
-        """S in the frame of the positions, ndarray (4, 4); NaN where there is no patch."""
+        """S in the frame of the positions, ndarray (4, 4); NaN if there is no patch."""
         if self.matrix is not None:
             return self.matrix
         if not np.isfinite(self.curvature).all():
@@ -88,10 +88,11 @@ class Patch:
     def sheet(self, length: float, width: float, direction: ArrayLike | None = None,
               steps: tuple[int, int] = (21, 5)) -> np.ndarray:
         """
-        Points (M, N, 3) of the patch over a rectangle of its tangent plane about the contact.
+        Return points (M, N, 3) of the patch over a rectangle in its tangent plane at the contact.
 
-        The length [m] goes along a direction (3,), as near as the tangent plane allows, else
-        along x; `steps` is (M, N). NaN where the surface would have turned upright.
+        The rectangle's length [m] is along `direction` (3,), projected onto the tangent plane, or
+        along x if it is missing; `steps` is (M, N). A point is NaN beyond the place where the
+        surface becomes perpendicular to the tangent plane.
         """
         axes = self.frame[:3, :3]
         x, y = (1.0, 0.0) if direction is None else np.asarray(direction) @ axes[:, :2]
@@ -104,37 +105,37 @@ class Patch:
 
 
 def refusal(reason: str, method: str = '', **known: Any) -> Patch:
-    """Patch that is not valid, and why, with what is known all the same."""
+    """Return an invalid Patch with its reason and the values that are known nevertheless."""
     return Patch(Kind.NONE, False, reason, method, **known)
 
 
 class SurfaceEstimator(ABC):
-    """Surface at the newest of the contacts of a path; time and memory do not grow."""
+    """Estimator of the surface at the newest contact of a path; time and memory are bounded."""
 
     method: str
 
     @abstractmethod
     def reset(self) -> None:
-        """Forget the path: contact was lost."""
+        """Forget the path after a loss of contact."""
 
     @abstractmethod
     def add(self, position: np.ndarray, normal: np.ndarray) -> bool:
         """
-        Add a contact (3,) [m] with the object's inward unit normal (3,), both at rest with it.
+        Add a contact (3,) [m] and the object's inward unit normal (3,), in the object's frame.
 
-        False, and it is left out, if it is not finite or the normal's length not 1.
+        Returns False and ignores the contact if it is not finite or its normal has not length 1.
         """
 
     @abstractmethod
     def estimate(self) -> Patch:
-        """Patch at the newest contact; what cannot be estimated is not valid, with its reason."""
+        """Return the Patch at the newest contact; invalid, with a reason, if it is unknown."""
 
     def update(self, position: np.ndarray, normal: np.ndarray) -> Patch:
-        """Add a contact and return the Patch there; of an unusable contact, one not valid."""
+        """Add a contact and return the Patch there; it is invalid if the contact is unusable."""
         if self.add(position, normal):
             return self.estimate()
         return self.refused('contact is not finite or its normal not of length 1')
 
     def refused(self, reason: str, **known: Any) -> Patch:
-        """Patch of this method that is not valid, as `refusal`."""
+        """Return an invalid Patch of this method, see `refusal`."""
         return refusal(reason, self.method, **known)

@@ -1,11 +1,11 @@
 """
 Second-order surfaces as symmetric 4 x 4 matrices (thesis, sections 4.3.1 and 4.3.2).
 
-One convention throughout: X' S X = 0 with X = [x, y, z, 1]', z the object's *inward* unit normal
-at the origin of a contact frame, and c34 = 1/2 there, so that the first three components of
-2 S X are the inward normal, of unit length at the origin; for plane, sphere and cylinder they
-are of unit length on the whole surface. Curvature is positive for a convex object. The thesis'
-printed matrices of sphere and cylinder are these times -2 r; its plane is not symmetric.
+The convention is X' S X = 0 with X = [x, y, z, 1]'. At the origin of a contact frame, z is the
+object's *inward* unit normal and c34 = 1/2. So the first three components of 2 S X are the inward
+normal. They have unit length at the origin; for plane, sphere and cylinder they have unit length
+on the whole surface. Curvature is positive for a convex object. The matrices of sphere and
+cylinder as printed in the thesis are these times -2 r; its plane is not symmetric.
 """
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from tactile_common.errors import SurfaceError
 from tactile_shape.types.tangent import principal_curvatures, tangent_frame, turn_about_z
 
-# Order of the ten parameters (4.33): row and column of each in the matrix.
+# Row and column of each of the ten parameters, in the order of (4.33).
 ROWS, COLUMNS = np.triu_indices(4)
 PARAMETERS = tuple(
     f'c{row + 1}{column + 1}' for row, column in zip(ROWS, COLUMNS, strict=True))
@@ -29,7 +29,7 @@ class SurfaceMatrix:
     Raises
     ------
     SurfaceError
-        Not 4 x 4, not finite, not symmetric, or without any term in x, y or z.
+        The matrix is not 4 x 4, not finite, not symmetric, or has no term in x, y or z.
     """
 
     matrix: np.ndarray  # S of X' S X = 0; lengths in m
@@ -52,10 +52,10 @@ class SurfaceMatrix:
     @classmethod
     def from_curvature(cls, curvature: ArrayLike) -> 'SurfaceMatrix':
         """
-        Quadric of z = u' K u / 2 + ... in its contact frame, K (2, 2) symmetric [1/m].
+        Return the quadric z = u' K u / 2 + ... in its contact frame, K (2, 2) symmetric [1/m].
 
-        Its coefficient of z^2 is half the larger curvature, which is exact for plane, sphere and
-        cylinder, and keeps the quadric near the reduced form of `height` otherwise.
+        The coefficient of z^2 is half the larger curvature. This is exact for plane, sphere and
+        cylinder, and otherwise keeps the quadric near the reduced form of `height`.
         """
         curvature = np.array(curvature, dtype=float)
         matrix = np.zeros((4, 4))
@@ -67,37 +67,41 @@ class SurfaceMatrix:
 
     @classmethod
     def from_parameters(cls, parameters: ArrayLike) -> 'SurfaceMatrix':
-        """Surface of the ten parameters in the order of `PARAMETERS` (4.33)."""
+        """Return the surface with the ten parameters in the order of `PARAMETERS` (4.33)."""
         matrix = np.zeros((4, 4))
         matrix[ROWS, COLUMNS] = matrix[COLUMNS, ROWS] = np.asarray(parameters, dtype=float)
         return cls(matrix)
 
     def in_frame(self, transform: ArrayLike) -> 'SurfaceMatrix':
-        """Return the surface in another frame, by the transform (4, 4) from that to this (4.8)."""
+        """
+        Return the surface in another frame (4.8).
+
+        `transform` (4, 4) maps coordinates of the other frame to this one.
+        """
         transform = np.asarray(transform, dtype=float)
         return SurfaceMatrix(transform.T @ self.matrix @ transform)
 
     def normalised(self, point: ArrayLike = (0.0, 0.0, 0.0)) -> 'SurfaceMatrix':
-        """Return the same surface scaled so that the normal at a point has length 1."""
+        """Return the same surface, scaled so that its normal at a point has length 1."""
         length = np.linalg.norm(self.gradient(np.asarray(point, dtype=float)))
         if not length > 0.0:
             raise SurfaceError(f'surface has no normal at {np.asarray(point).tolist()}')
         return SurfaceMatrix(self.matrix / length)
 
     def value(self, points: ArrayLike) -> np.ndarray:
-        """X' S X at points (..., 3): 0 on the surface, positive inside the object."""
+        """Return X' S X at points (..., 3): 0 on the surface, positive inside the object."""
         x = _homogeneous(points)
         return np.einsum('...i,ij,...j', x, self.matrix, x)
 
     def gradient(self, points: ArrayLike) -> np.ndarray:
-        """Normal 2 L S X (4.12) at points (..., 3), not scaled to length 1."""
+        """Return the normal 2 L S X (4.12) at points (..., 3), not scaled to length 1."""
         return 2.0 * _homogeneous(points) @ self.matrix[:, :3]
 
     def normal(self, points: ArrayLike) -> np.ndarray:
         """
-        Inward unit normal at points (..., 3).
+        Return the inward unit normal at points (..., 3).
 
-        SurfaceError where there is none: the apex of a cone, the centre of a sphere.
+        Raises a SurfaceError where it is undefined: at the apex of a cone, the centre of a sphere.
         """
         gradient = self.gradient(points)
         length = np.linalg.norm(gradient, axis=-1, keepdims=True)
@@ -107,10 +111,10 @@ class SurfaceMatrix:
 
     def curvatures(self, point: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[np.ndarray, np.ndarray]:
         """
-        Principal curvatures at a point of the surface, the larger in magnitude first [1/m].
+        Return the principal curvatures at a point, the larger in magnitude first [1/m].
 
         Also returns the frame (3, 3): the two principal directions and the inward normal.
-        SurfaceError where there is no normal.
+        Raises a SurfaceError if the normal is undefined.
         """
         point = np.asarray(point, dtype=float)
         tangent = tangent_frame(self.normal(point))
