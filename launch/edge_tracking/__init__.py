@@ -1,1 +1,1 @@
-"""A robot follows an edge by touch: the whole graph, its demo and its report."""
+"""Edge tracking by touch: the whole ROS graph, its demo and its report."""

@@ -1,4 +1,4 @@
-"""The demo: a mock robot follows an edge or a surface; its report is computed from the bag."""
+"""Demo: a mock robot follows an edge or a surface; a report is computed from its bag."""
 import argparse
 from datetime import datetime
 import os
@@ -30,13 +30,13 @@ from tactile_simulation.metrics import describe, to_json
 from tactile_simulation.scene import describe_scenes, find_scene, load_scene
 
 RECORDING = 'a --recording'
-# Options for one thing alone.
+# Options that apply to one action, or to recordings, only.
 ONLY_FOR = {'pattern': 'track_surface', 'animate': 'track_edge', **dict.fromkeys(
     ('calibration', 'pitch', 'rate', 'shape', 'live'), RECORDING)}
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line of the demo."""
+    """Return the command-line parser of the demo."""
     arguments = Parser(
         prog='demo', formatter_class=Help,
         description='A robot follows an edge or a surface by touch, on the real graph with a '
@@ -84,29 +84,29 @@ def out_folder(wanted: str | None, name: str) -> Path:
 
 
 def own_domain() -> int:
-    """ROS domain that no other demo is in: two graphs in one would hear each other's sensors."""
+    """Reserve a ROS domain for this demo, so that two graphs do not receive each other's data."""
     domain = hold_domain()
     print(f'to listen along: ROS_DOMAIN_ID={domain}', file=sys.stderr)
     return domain
 
 
 def refuse_what_does_not_apply(options: argparse.Namespace, kind: str) -> None:
-    """ConfigurationError for an option that a scene's action, or a recording, has no use for."""
+    """Raise a ConfigurationError for an option that does not apply to the action or recording."""
     for name, of in ONLY_FOR.items():
         if getattr(options, name) and of != kind:
             raise ConfigurationError(f'--{name} does not apply to {kind}, but to {of}')
 
 
 def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
-    """Run the demo; returns the summary and the folder of its results."""
-    # What cannot be read is refused before a folder is made, and once, not by every part.
+    """Run the demo; return the summary and the folder of its results."""
+    # Unreadable input is refused once, here, before a folder is made.
     if options.recording:
         return play_recording(options)
     path = find_scene(options.scene)
     scene = load_scene(path)
     refuse_what_does_not_apply(options, scene.action)
     law = law_for(scene.action, options.law)
-    scene.world()  # the skin of a round probe is solved once, before it is due
+    scene.world()  # solves the skin of a round probe in advance
     check(options, law)
     episode = Episode(path, scene, law, options.speed, options.force, options.pattern or 'line',
                       options.seed)
@@ -114,12 +114,12 @@ def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     ended = episode.run(folder, parameters=options.parameters, domain=own_domain())
     try:
         return episode.report(folder, ended, options.animate), folder
-    except TactileError as error:  # what was recorded ended with its recorder
+    except TactileError as error:  # the recorder died, so its recording is incomplete
         return {'ok': False, 'reason': f'{ended.reason}; {error}'}, folder
 
 
 def play_recording(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
-    """Play a recording; returns as `run`."""
+    """Play a recording; return the same as `run`."""
     refuse_what_does_not_apply(options, RECORDING)
     recording = load_recording(
         options.recording, options.rate, options.shape and tuple(options.shape))
@@ -145,13 +145,13 @@ def check(options: argparse.Namespace, law: str) -> None:
 
 def main(args: list[str] | None = None) -> int:
     """Run the demo; exit status 0 if the edge was tracked, or the recording played."""
-    os.environ.update(local_environment())  # also of the parts
+    os.environ.update(local_environment())  # the child processes inherit it
     with refusing('demo', ValueError, RuntimeError, ParameterException) as command:
         options = parser().parse_args(args)
         summary, folder = run(options)
         if not summary['ok']:
             command.status = STOPPED if summary['reason'] == INTERRUPTED else FAILED
-        if len(summary) == 2:  # nothing is known but the reason
+        if len(summary) == 2:  # only the reason is known
             print(f'demo: {" ".join(summary["reason"].split())}', file=sys.stderr)
             return command.status
         text = to_json if options.json else describe_recording if options.recording else describe

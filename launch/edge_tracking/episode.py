@@ -1,4 +1,4 @@
-"""A goal in a scene: its run on the real graph, the recording, and what that says."""
+"""An episode: one goal in a scene, run on the real graph, with its recording and report."""
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ INTERRUPTED = 'interrupted'
 
 
 class Ended(NamedTuple):
-    """How a run ended."""
+    """Result of a run."""
 
     success: bool
     reason: str
@@ -37,10 +37,10 @@ class Ended(NamedTuple):
 @dataclass(frozen=True)
 class Episode:
     """
-    A goal in a scene with mock sensor and robot, what happened, and what is told of it.
+    One goal in a scene with mock sensor and mock robot.
 
-    `path` is the scene's file; `speed` [m/s] and `force` [N] are asked for; `seed` is of the
-    sensor's noise.
+    `path` is the scene's file; `speed` [m/s] and `force` [N] are the goal's. `seed` is the seed of
+    the sensor's noise.
     """
 
     path: Path
@@ -52,7 +52,7 @@ class Episode:
     seed: int = 0
 
     def run(self, folder: Path, **common) -> Ended:
-        """Track once and record it into the folder's `bag`; `common` is of the `Graph`."""
+        """Track once and record into the folder's `bag`; `common` are arguments of `Graph`."""
         robot, own = share('urdf', 'puma260.urdf'), self.scene.parameters()
         with ExitStack() as stack:
             enter = stack.enter_context
@@ -90,7 +90,7 @@ class Episode:
                      '; '.join(filter(None, (track.reason, heard.failed))), track.reason_code)
 
     def _track(self, graph: Graph, heard: Heard, over: Callable[[], bool], show) -> TrackNode:
-        """Send the goal once all listen, and wait for its end."""
+        """Send the goal when all nodes are connected, and wait for its end."""
         graph.spin(lambda: over() or heard.all)
         closed = self.scene.closed and LAWS[self.law].closes_contours
         track = graph.add(
@@ -102,10 +102,10 @@ class Episode:
 
     def report(self, folder: Path, ended: Ended, animated: bool = False) -> dict[str, Any]:
         """
-        Write what the recording in a folder says: report.html, picture.png; its summary.
+        Write report.html and picture.png of a recording in a folder; return its summary.
 
-        Of a surface also surface.ply; `animated` adds animation.gif, of an edge alone.
-        TactileError where the recording cannot be read.
+        For a surface it also writes surface.ply. `animated` adds animation.gif, for edges only.
+        Raises a TactileError if the recording cannot be read.
         """
         data = read_run(folder / 'bag')
         real = truth(data, self.scene)

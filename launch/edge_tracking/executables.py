@@ -1,4 +1,4 @@
-"""Executables of the package; what they import comes once signals are taken."""
+"""Executables of the package; their modules are imported after the signal handlers are set."""
 from tactile_common.start import executable
 
 composed = executable('edge_tracking.graph', interrupted=0)

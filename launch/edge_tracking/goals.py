@@ -1,4 +1,4 @@
-"""Goals of the servo's actions as parameters say them, and what their feedback says to people."""
+"""Goals of the servo's actions from parameters, and texts of their feedback."""
 from dataclasses import dataclass, field
 import math
 from typing import Any
@@ -19,7 +19,7 @@ PATTERNS = {pattern.name.lower(): pattern for pattern in Pattern if pattern != P
 
 @dataclass(frozen=True)
 class SurfaceWay:
-    """Way over a surface."""
+    """Path over a surface."""
 
     pattern: str = one_of('line', 'way over the surface', PATTERNS)
     heading: float = bounded(
@@ -35,7 +35,7 @@ class SurfaceWay:
 
 @dataclass(frozen=True)
 class GoalConfig:
-    """The goal."""
+    """Goal of the servo."""
 
     action: str = one_of('track_edge', 'of the servo', ACTIONS)
     speed: float = field(default=0.03, metadata={
@@ -55,7 +55,7 @@ class GoalConfig:
 
 
 def goal_message(c: GoalConfig) -> TrackEdge.Goal | TrackSurface.Goal:
-    """Goal message of the action that the configuration names."""
+    """Return the goal message of the action in the configuration."""
     if c.action == 'track_edge':
         return TrackEdge.Goal(speed=c.speed, force=c.force, direction=c.direction,
                               length=c.length, closed=c.closed, retreat=c.retreat,
@@ -71,7 +71,7 @@ def goal_message(c: GoalConfig) -> TrackEdge.Goal | TrackSurface.Goal:
 
 
 def way_length(pattern: str, way: SurfaceWay | None = None) -> float:
-    """Length of a pattern as it is drawn, of a line its default [m]."""
+    """Return the length of a pattern as drawn; for a line, its default length [m]."""
     way = way or SurfaceWay()
     if pattern == 'line':
         return LINE_LENGTH
@@ -82,7 +82,7 @@ def way_length(pattern: str, way: SurfaceWay | None = None) -> float:
 
 
 def feedback_text(feedback: Any) -> str:
-    """What a feedback message of either action says."""
+    """Return a text for a feedback message of either action."""
     text = [f'{1e3 * feedback.progress:.0f} mm']
     if feedback.state == State.HOLD:
         return f'{text[0]}, {feedback.reason}'
@@ -90,7 +90,7 @@ def feedback_text(feedback: Any) -> str:
         name, place = 'contact', [feedback.contact_error.x, feedback.contact_error.y]
     else:
         name, place = 'lateral', [feedback.lateral_error]
-    if all(map(math.isfinite, place)):  # not before something is felt
+    if all(map(math.isfinite, place)):  # NaN before the first contact
         text.append(f'{name} {", ".join(f"{1e3 * value:+.3f}" for value in place)} mm')
     if math.isfinite(feedback.normal_force):
         text.append(f'force {feedback.normal_force:.2f} N')

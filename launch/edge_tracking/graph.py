@@ -1,4 +1,4 @@
-"""The whole graph in one process: all that `edge_tracking.launch.py` starts, without launch."""
+"""The whole graph in one process: the same nodes as in `edge_tracking.launch.py`."""
 import argparse
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -34,19 +34,20 @@ from tactile_simulation.scene import describe_scenes, find_scene, load_scene
 from tactile_simulation.scene_calibration import write_calibration
 from tactile_simulation.world import NodeParameters, Scene
 
-# Longest time that a thread keeps the interpreter while another waits for it; the default of
+# Longest time that a thread holds the interpreter while another one waits [s]. The default of
 # 5 ms is a whole sensor period.
 SWITCH_INTERVAL = 2e-4
 NAMESPACE = 'tactile'
 PARAMETERS = share('config', 'edge_tracking.yaml')
-SETTLE = 0.3  # s spun after the end, so that the last messages arrive
+SETTLE = 0.3  # s of spinning after the end, so that the last messages arrive
 
 
 class Graph:
     """
-    Nodes of one process, their context and executor; use it in a `with` statement.
+    Nodes of one process with their context and executor; use it in a `with` statement.
 
-    Without a parameter file or ROS domain, those of the package and of the environment hold.
+    Without a parameter file or ROS domain, the package's file and the environment's domain are
+    used.
     """
 
     def __init__(self, parameters: str | Path | None = None, namespace: str = NAMESPACE,
@@ -66,7 +67,7 @@ class Graph:
         return self
 
     def __exit__(self, *_):
-        self.executor.shutdown()  # first: nothing may be delivered to a node that is gone
+        self.executor.shutdown()  # first: no message may reach a destroyed node
         for node in reversed(self.nodes):
             node.destroy_node()
         self.context.try_shutdown()
@@ -83,7 +84,7 @@ class Graph:
         return node
 
     def spin(self, until: Callable[[], bool] | None = None) -> None:
-        """Work off callbacks until the context is shut down or `until()` holds."""
+        """Process callbacks until the context is shut down or `until()` returns True."""
         spin(self.executor, self.context, until)
 
 
@@ -97,7 +98,7 @@ def add_sensing(graph: Graph, port, calibration='',
                 protocol: str = DriverConfig.protocol,
                 contact: Mapping[str, Any] | None = None) -> None:
     """
-    Add contact estimator and driver, in this order: then every picture is heard.
+    Add the contact estimator, then the driver, so that the estimator receives every image.
 
     `contact` are parameters of the estimator.
     """
@@ -107,15 +108,15 @@ def add_sensing(graph: Graph, port, calibration='',
 
 def add_servo(graph: Graph, robot, law: str = DEFAULT, **parameters) -> Node:
     """
-    Add the servo; with sensing it is the loop, which runs on a real robot as well.
+    Add the servo; with sensing it is the control loop, as on a real robot.
 
-    `parameters` are of the servo, such as those of `Scene.parameters`.
+    `parameters` are those of the servo, such as from `Scene.parameters`.
     """
     return graph.add(EdgeServoNode, robot_description=str(robot), law=law, **parameters)
 
 
 def warn_of_parameters(parameters: str | Path | None, namespace: str, law: str) -> None:
-    """Check a parameter file of the user; ConfigurationError if no node should start with it."""
+    """Check a user's parameter file; ConfigurationError if no node should start with it."""
     if parameters:
         for text in check_file(parameters, names_in(namespace), law):
             print(text, file=sys.stderr)
@@ -123,24 +124,24 @@ def warn_of_parameters(parameters: str | Path | None, namespace: str, law: str) 
 
 @contextmanager
 def private_port() -> Iterator[Path]:
-    """Path for a pseudo-terminal's link, in a folder of its own."""
+    """Yield a path for the link of a pseudo-terminal, in a new temporary folder."""
     with tempfile.TemporaryDirectory(prefix='tactile_') as folder:
         yield Path(folder, 'sensor')
 
 
 def calibrate(port: Path, scene: Scene) -> Path:
-    """Write the calibration that fits a scene's mock sensor beside its port; gives its path."""
+    """Write the calibration of a scene's mock sensor next to its port; return its path."""
     return write_calibration(scene, port.with_name(f'{port.name}.yaml'))
 
 
 def linger(graph: Graph, until: Callable[[], bool], seconds: float = SETTLE) -> None:
-    """Spin a little longer."""
+    """Spin for some more time."""
     end = time.monotonic() + seconds
     graph.spin(lambda: until() or time.monotonic() > end)
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line of the composed process."""
+    """Return the command-line parser of the composed process."""
     arguments = Parser(
         prog='composed', formatter_class=Help, epilog=describe_scenes(),
         description='Runs sensor, estimators, servo and, with the mock sensor, the mock robot '

@@ -1,4 +1,4 @@
-"""Arguments of the launch file: what there is to choose, and the values that were given."""
+"""Arguments of the launch file: declarations and given values."""
 from typing import Any
 
 from launch import LaunchContext
@@ -59,7 +59,7 @@ FORMER = {'parameters': 'params_file', 'rviz': 'use_rviz', 'tracker': 'law'}
 
 
 def declared() -> list[DeclareLaunchArgument]:
-    """Declarations of the arguments, and of the names that some had in former versions."""
+    """Return the declarations of the arguments, and of their names in former versions."""
     return [
         DeclareLaunchArgument(name, default_value=default, description=description,
                               **({'choices': list(*choices)} if choices else {}))
@@ -69,7 +69,7 @@ def declared() -> list[DeclareLaunchArgument]:
 
 
 def given(context: LaunchContext) -> dict[str, Any]:
-    """Values of the arguments by name; those with a former name count, with a note."""
+    """Return the values of the arguments by name; former names are accepted with a note."""
     value = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
     choices = {name: of_it[0] for name, _, _, *of_it in ARGUMENTS if of_it}
     for old, new in FORMER.items():
@@ -85,7 +85,7 @@ def given(context: LaunchContext) -> dict[str, Any]:
 
 
 def number(name: str, text: str) -> float:
-    """Value of an argument that must be a number."""
+    """Convert the value of an argument that must be a number."""
     try:
         return float(text)
     except ValueError:

@@ -1,11 +1,11 @@
-"""The end of a launch, which must not forget its processes."""
+"""Interrupt handling of a launch, so that no process survives it."""
 import asyncio
 import shutil
 import signal
 import threading
 
-# Before the command of every node. A Ctrl-C that comes before a process can take it, in its first
-# tenths of a second, waits; and a node does not outlive its launch, however that ends.
+# Prefix of the command of every node. In its first tenths of a second a process cannot handle
+# Ctrl-C, so the signal is held back. A node ends with its launch, however that ends.
 PREFIX = 'env --block-signal=INT'
 if shutil.which('setpriv'):
     PREFIX = f'setpriv --pdeathsig TERM {PREFIX}'
@@ -13,11 +13,12 @@ if shutil.which('setpriv'):
 
 def leave_interrupt_to_launch() -> None:
     """
-    Keep SIGINT from raising KeyboardInterrupt amid the work of launch.
+    Prevent SIGINT from raising KeyboardInterrupt within launch's own code.
 
-    Launch hears of the signal by a descriptor and shuts down, but leaves Python's handler where
-    it is. What that interrupts is given up: where it was the end of a process launch waits for
-    that for ever, says that it does not terminate, and sends it SIGTERM and SIGKILL.
+    Launch receives the signal through a file descriptor and shuts down, but Python's handler
+    remains installed and interrupts whatever runs. If it interrupts the handling of a process'
+    end, launch waits for that process forever, reports that it does not terminate, and sends it
+    SIGTERM and SIGKILL.
     """
     if (threading.current_thread() is threading.main_thread()
             and signal.getsignal(signal.SIGINT) is signal.default_int_handler):

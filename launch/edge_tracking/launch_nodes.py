@@ -1,4 +1,4 @@
-"""The nodes of one robot with its sensor, as actions of a launch."""
+"""Launch actions for the nodes of one robot with its sensor."""
 import os
 from pathlib import Path
 import shutil
@@ -30,12 +30,12 @@ from tactile_simulation.scene_calibration import write_calibration
 from tactile_simulation.world import NodeParameters
 
 RESPAWN_DELAY = 1.0  # s
-GIVING_WAY = ' nice -n 10'  # to the servo, on a busy machine; after what blocks signals
-START = 300.0  # s for the start of the nodes, the first ever of which compiles their kernels
+GIVING_WAY = ' nice -n 10'  # lower priority than the servo; follows PREFIX
+START = 300.0  # s for the start of the nodes; the very first start compiles kernels
 
 
 def as_text(text):
-    """Keep a parameter a text, whatever it looks like: a URDF would be read as YAML."""
+    """Force a parameter to be a text: a URDF would otherwise be parsed as YAML."""
     return ParameterValue(text, value_type=str)
 
 
@@ -60,14 +60,14 @@ class Nodes:
         law = None if value['law'] == 'auto' else value['law']
         self.law = law_for(self.scene.action, law) if self.scene else law or DEFAULT
         self.own = self.scene.parameters() if self.scene else NodeParameters()
-        # Not only by its namespace: another launch on this machine must not take the link over.
+        # With the process id, so that another launch on this machine does not take the link over.
         self.port = value['port'] or str(Path(
             tempfile.gettempdir(),
             f'tactile_{os.getpid()}_{value["namespace"].replace("/", "_")}'))
         self.goal = {name: number(name, value[name]) for name in ('speed', 'force', 'length')}
 
     def check(self):
-        """Refuse what no node could start with: parameter file, robot, calibration."""
+        """Refuse a parameter file, robot or calibration with which no node could start."""
         value = self.value
         nodes = names_in(value['namespace'], self.robot_namespace)
         for name, there in (('mock_sensor', self.mock_sensor),
@@ -95,18 +95,18 @@ class Nodes:
         if value['use_rviz']:
             require_packages('use_rviz:=true', ('rviz2',), 'leave it out')
         if self.mock_sensor:
-            self.scene.world()  # the skin of a round probe is solved once, before it is due
+            self.scene.world()  # solves the skin of a round probe in advance
         return model
 
     @property
     def starts(self):
-        """Whether a goal is sent at once."""
+        """True if a goal is sent at once."""
         return self.value['start'] == 'true' or (
             self.value['start'] == 'auto' and self.robot != 'real')
 
     def node(self, package, executable, namespace=None, dies=True, env=None, prefix='',
              **parameters):
-        """Actions of a node, with more of a prefix, and of the end of the launch with it."""
+        """Return the actions of a node, with a longer prefix, and of the launch's end with it."""
         value = self.value
         action = Node(
             package=package, executable=executable, name=executable, output='screen',
@@ -122,17 +122,17 @@ class Nodes:
         return [action, *ends_with(action)] if dies and not value['use_respawn'] else [action]
 
     def sensing(self):
-        """Driver and estimators, and the mock sensor with its calibration."""
+        """Return driver and estimators, and the mock sensor with its calibration."""
         actions, driver = [], self.driver
         if self.mock_sensor:
             own = Path(f'{self.port}.yaml')
 
             def remove(*_):
                 own.unlink(missing_ok=True)
-                if Path(self.port).is_symlink():  # of a mock sensor that was killed
+                if Path(self.port).is_symlink():  # left by a killed mock sensor
                     Path(self.port).unlink(missing_ok=True)
 
-            # Once every argument has proved right.
+            # Written by an action, after all arguments have been checked.
             actions += [OpaqueFunction(function=lambda _: write_calibration(self.scene, own)
                                        and None),
                         RegisterEventHandler(OnShutdown(on_shutdown=remove)),
@@ -153,7 +153,7 @@ class Nodes:
                            **self.own.shape)]
 
     def servo(self):
-        """Servo, mock robot, and the goal."""
+        """Return the servo, the mock robot and the goal."""
         value = self.value
         robot = {'robot_description': value['robot_description']}
         if value['controller'] or self.robot_namespace:
@@ -177,7 +177,7 @@ class Nodes:
         return actions
 
     def controllers(self, model):
-        """Run the controller manager with mock hardware, and its controllers."""
+        """Return the controller manager with mock hardware, and its controllers."""
         value, namespace = self.value, self.robot_namespace
         settings = str(share('config', 'controllers.yaml'))
         manager = Node(
@@ -197,7 +197,7 @@ class Nodes:
                 *self.state_publisher(text)]
 
     def state_publisher(self, text):
-        """robot_state_publisher: TF, with the pad's, and the topic robot_description."""
+        """Return the robot_state_publisher, which publishes TF and the topic robot_description."""
         if 'robot_state_publisher' not in get_packages_with_prefixes():
             return [LogInfo(msg='robot_state_publisher is not installed: neither TF nor the '
                             'topic robot_description')]
@@ -208,12 +208,12 @@ class Nodes:
                          'use_sim_time': self.value['use_sim_time']}])]
 
     def frames(self, namespace):
-        """Remappings that give a robot in a namespace a tree of frames of its own."""
+        """Return remappings that give a robot in a namespace a separate tree of frames."""
         return [(f'/{topic}', f'{namespace}/{topic}' if namespace else topic)
                 for topic in ('tf', 'tf_static')] if self.robot_namespace else []
 
     def rviz(self):
-        """RViz, listening where the nodes are."""
+        """Return RViz, subscribed to the topics of these nodes."""
         own, robot = f'/{self.value["namespace"].strip("/")}', self.robot_namespace
         return [Node(
             package='rviz2', executable='rviz2', namespace=robot or '/',
@@ -226,7 +226,7 @@ class Nodes:
 
 
 def ends_with(action, may_end=False):
-    """Actions that end the launch when a process ends by itself: an error unless it was asked."""
+    """Return actions that end the launch with a process; an exit code is an error."""
     def on_exit(event, context):
         name = event.process_name.rpartition('-')[0]
         if context.is_shutdown or (may_end and event.returncode == 0):

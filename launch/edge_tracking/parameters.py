@@ -1,7 +1,7 @@
 """
-Parameters of the graph: the check of a parameter file before a node starts, and all of them.
+Parameters of the graph: check of a parameter file before a node starts, and a full list.
 
-What a node declares and what is checked here are the same dataclasses.
+The check uses the same dataclasses from which the nodes declare their parameters.
 """
 from collections.abc import Mapping
 from pathlib import Path
@@ -29,22 +29,22 @@ from tactile_shape.nodes.shape_estimator import ShapeEstimatorConfig
 from tactile_simulation.joint_controller import MockRobotConfig
 from tactile_simulation.nodes.mock_sensor import MockSensorConfig
 
-# What each node declares its parameters from; the servo's law comes on top.
+# Dataclasses of the parameters of each node; the servo's law adds its own.
 NODES: dict[str, tuple[type, ...]] = {
     'driver': (DriverConfig,), 'contact_estimator': (EstimatorConfig,),
     'shape_estimator': (ShapeEstimatorConfig, LocalQuadricConfig, ModelConfig),
     'edge_servo': (NodeConfig, ServoConfig), 'mock_sensor': (MockSensorConfig,),
     'mock_robot': (MockRobotConfig,), 'track': (TrackConfig,), 'view': (ViewConfig,)}
 SERVO = 'edge_servo'
-# What launch file or demo give, whatever the file says.
+# Values that the launch file or the demo sets, regardless of the file.
 GIVEN = {'driver': {'port': '-'}}
 
 
 def driver_parameters(value: Mapping[str, Any]) -> dict[str, Any]:
     """
-    Return the driver's parameters that the launch arguments say, but those of the mock sensor.
+    Return the driver's parameters from the launch arguments, except those of the mock sensor.
 
-    Raises a ConfigurationError where too little is said of a sensor.
+    Raises a ConfigurationError if the arguments do not describe the sensor completely.
     """
     sensor = value['sensor']
     given = {'calibration': value['calibration']} if value['calibration'] else {}
@@ -66,26 +66,26 @@ def driver_parameters(value: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def parameters_of(node: str, law: str = DEFAULT) -> list[Parameter]:
-    """Every parameter that a node declares, the servo with a law."""
+    """Return every parameter that a node declares; for the servo, with a law."""
     return declared(configs_of(node, law), GIVEN.get(node))
 
 
 def configs_of(node: str, law: str) -> tuple[type, ...]:
-    """Dataclasses of the parameters of a node, of the servo with a law."""
+    """Return the dataclasses of the parameters of a node; for the servo, with a law."""
     return NODES[node] + ((LAWS[law].law.config_type,) if node == SERVO else ())
 
 
 def check_file(path: str | Path, nodes: Mapping[str, str], law: str = DEFAULT) -> list[str]:
     """
-    Check a parameter file for a graph; returns what is no error, but looks like a mistake.
+    Check a parameter file for a graph; return warnings about probable mistakes.
 
     Parameters
     ----------
     path : str or Path
     nodes : Mapping
-        Of the graph: full name, such as `/tactile/driver`, by name.
+        Full names, such as `/tactile/driver`, of the graph's nodes by their names.
     law : str
-        The servo's.
+        Law of the servo.
 
     Raises
     ------
@@ -114,13 +114,13 @@ def check_file(path: str | Path, nodes: Mapping[str, str], law: str = DEFAULT) -
 
 
 def text_of_all(law: str = DEFAULT) -> str:
-    """Text of a parameter file with every parameter of every node at its default."""
+    """Return the text of a parameter file with all parameters of all nodes at their defaults."""
     lines = ['# Every parameter with its default; what is deleted keeps it. [live]: can be set '
              'while the node runs.', '']
     for node in NODES:
         lines += [f'/**/{node}:', '  ros__parameters:']
         for parameter in parameters_of(node, law):
-            mark = '# ' if parameter.default == () else ''  # ROS reads no empty list
+            mark = '# ' if parameter.default == () else ''  # ROS cannot read empty lists
             lines += [f'    # {_about(parameter)}',
                       f'    {mark}{parameter.name}: {_yaml(parameter.default)}']
         lines.append('')
@@ -166,7 +166,7 @@ def main(args: list[str] | None = None) -> int:
 
 
 def names_in(namespace: str, robot_namespace: str = '') -> dict[str, str]:
-    """Full name of every node by its name, in a namespace; the mock robot in its own."""
+    """Return the full names of all nodes in a namespace; the mock robot has its own."""
     def full(name):
         of = robot_namespace if name == 'mock_robot' else namespace
         return '/'.join(('', *(part for part in (of.strip('/'), name) if part)))

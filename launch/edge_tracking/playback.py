@@ -1,4 +1,4 @@
-"""The demo with a recording: its frames run through driver and estimator, as from the array."""
+"""Demo with a recording: its frames pass through driver and estimator as from the array."""
 from argparse import Namespace
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,11 +20,11 @@ from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
 from tactile_simulation.nodes.mock_sensor import MockSensorNode
 
-MAX_OFFSET = 0.1  # of unloaded tactels, all together, as a share of the largest load
+MAX_OFFSET = 0.1  # summed offset of unloaded tactels, as a share of the largest load
 
 
 def calibration_for(options: Namespace, recording: Recording) -> Calibration:
-    """Calibration of a recording by options of the demo; ValueError where they do not fit it."""
+    """Return the calibration of a recording from the demo's options; ValueError on a mismatch."""
     rows, columns = recording.shape
     if options.calibration:
         calibration, source = load_calibration(options.calibration), options.calibration
@@ -58,7 +58,7 @@ def calibration_for(options: Namespace, recording: Recording) -> Calibration:
 
 
 def _range_of(recording: Recording) -> dict[str, Any]:
-    """Fields of a calibration that lose nothing of frames of which nothing is told."""
+    """Return the fields of a calibration that can represent unknown frames without loss."""
     values = recording.frames[np.isfinite(recording.frames)]
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
     signed = low < 0.0
@@ -67,23 +67,23 @@ def _range_of(recording: Recording) -> dict[str, Any]:
             limits = Counts(bits, signed)
             if limits.lowest <= low and high <= limits.highest:
                 return {'bits': bits, 'signed': signed}
-    step = max(-low, high) / 32000  # of real numbers, volts say: pictures keep their unit
+    step = max(-low, high) / 32000  # for real numbers, such as volts: images keep their unit
     return {'bits': MAX_BITS, 'signed': True, 'resolution': step, 'gain': step}
 
 
 def _offset(calibration: Calibration, frames: np.ndarray) -> float:
-    """Counts that nearly all tactels are off the baseline; 0: no more than moves no place."""
+    """Return the offset of nearly all tactels from the baseline [counts]; 0 if negligible."""
     counts, live = calibration.arrange(frames), calibration.live
     above = np.where(counts < calibration.counts.threshold, 0.0, counts - calibration.baseline)
     above = above[:, live]
     low, high = np.percentile(np.median(above, axis=0), (10, 90))
-    offset = max(low, 0.0) + min(high, 0.0)  # where a load is held, the others tell
+    offset = max(low, 0.0) + min(high, 0.0)  # percentiles exclude tactels under a steady load
     load = np.abs(above.sum(axis=1) - offset * live.sum()).max()
     return float(offset) if abs(offset) * live.sum() > MAX_OFFSET * load else 0.0
 
 
 def live_window(text: str, shape: tuple[int, int]) -> tuple[int, ...]:
-    """Row-major indices of the tactels outside a window 'ROWS,COLUMNS', see `--live`."""
+    """Return row-major indices of the tactels outside a window 'ROWS,COLUMNS', see `--live`."""
     height, width = shape
     try:
         rows, columns = (range(*map(int, part.split(':'))) for part in text.split(','))
@@ -99,7 +99,7 @@ def live_window(text: str, shape: tuple[int, int]) -> tuple[int, ...]:
 
 
 def _listeners(driver: DriverNode) -> int:
-    """How many the driver's images reach."""
+    """Return the number of subscribers of the driver's images."""
     return sum(publisher.get_subscription_count() for publisher in driver.publishers
                if publisher.topic_name.endswith('/image'))
 
@@ -107,9 +107,9 @@ def _listeners(driver: DriverNode) -> int:
 def play(path: str | Path, recording: Recording, calibration: Calibration, folder: Path,
          **common) -> tuple[bool, str]:
     """
-    Stream a recording through driver and estimator; success and reason.
+    Stream a recording through driver and estimator; return success and reason.
 
-    That is recorded in the folder's `bag`; `common` is of the `Graph`.
+    The topics are recorded in the folder's `bag`; `common` are arguments of `Graph`.
     """
     duration = len(recording.frames) / recording.rate_hz  # s
     with private_port() as port, stop_on_signals() as stop, Graph(**common) as graph, \
@@ -121,7 +121,7 @@ def play(path: str | Path, recording: Recording, calibration: Calibration, folde
             port=str(port), recording=str(path))
         driver = graph.add(DriverNode, own={'calibration': calibration}, port=str(port),
                            tare_at_start=False, autostart=False)
-        # The sensor plays once the port is opened: not before recorder and estimator are heard.
+        # The sensor starts when the port is opened, so wait for recorder and estimator first.
         linger(graph, lambda: stop.is_set() or _listeners(driver) >= 2, PATIENCE)
         driver.trigger_configure()
         driver.trigger_activate()
@@ -139,7 +139,7 @@ def play(path: str | Path, recording: Recording, calibration: Calibration, folde
 
 
 def describe_recording(summary: Mapping[str, Any]) -> str:
-    """Text of the summary of a recording for the terminal."""
+    """Return the summary of a recording as text for the terminal."""
     lines = [f'{summary["reason"]}: {summary["frames"]} pictures of {summary["rows"]} x '
              f'{summary["columns"]} at {summary["sensor_rate"]:.1f} Hz, '
              f'{summary["lost_frames"]} lost, {summary["presses"]} presses']

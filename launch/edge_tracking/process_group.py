@@ -1,8 +1,9 @@
 """
-The graph in parts, each a process of its own, so that none waits for another's interpreter.
+The graph in several processes, so that no part waits for another's interpreter.
 
-`sensing` is driver and contact estimator, `mocks` stand in for hardware, which is never late.
-Where processors are few, `listeners`, recorder and shape estimator, give way to all others.
+`sensing` is driver and contact estimator. `mocks` replace hardware, which is never late.
+`listeners` are recorder and shape estimator; they have a low priority, for machines with few
+processors.
 """
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,23 +25,24 @@ from edge_tracking.recording.writer import RecorderNode
 from tactile_common.ros.runner import freeze_heap
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
-PATIENCE = 10.0  # s for a part to end by itself, its recording written
+PATIENCE = 10.0  # s for a part to end by itself and write its recording
 
 
 def record(graph: Graph, bag) -> None:
-    """Add a recorder of everything to a graph."""
+    """Add a recorder of all topics to a graph."""
     graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
 
 
 class Heard:
     """
-    Whether the listeners hear all that a run begins with, by the recorder's diagnostics.
+    True in `all` when the listeners receive all topics that a run begins with.
 
-    The patches are the shape estimator's, which makes them of contacts and poses.
+    The recorder's diagnostics show this. The shape estimator's patches are included: it needs
+    contacts and poses for them.
     """
 
     def __init__(self, node: Node, namespace: str):
-        self.failed = ''  # why the recording has ended early
+        self.failed = ''  # why the recording ended early
         self.all, self._wanted = False, {'/joint_states', *(f'/{namespace}/{name}' for name in (
             'image', 'sensor_info', 'contact', 'surface_patch', 'servo_status', 'sensor_pose'))}
         node.create_subscription(DiagnosticArray, '/diagnostics', self._take, 10)
@@ -54,12 +56,12 @@ class Heard:
 
 
 def add_listeners(graph: Graph, bag, shape: dict[str, Any] | None = None) -> None:
-    """Add a recorder of everything and the shape estimator, this with parameters of its own."""
+    """Add a recorder of all topics and the shape estimator with its parameters."""
     record(graph, bag)
     graph.add(ShapeEstimatorNode, **shape or {})
 
 
-# What makes each part, and its niceness.
+# Function that makes each part, and its niceness.
 PARTS: dict[str, tuple[Callable[..., Any], int]] = {
     'sensing': (add_sensing, 0), 'mocks': (add_mocks, 0), 'listeners': (add_listeners, 10)}
 
@@ -69,11 +71,11 @@ def apart(part: str, *arguments, **graph) -> Iterator[subprocess.Popen]:
     """
     Run one of `PARTS` in a process that ends with this one, however this one ends.
 
-    The arguments, paths and numbers, are of the part's function, `graph` of its `Graph`.
+    `arguments`, paths and numbers, are passed to the part's function, `graph` to its `Graph`.
     """
     call = json.dumps([part, arguments, graph], default=str)
-    # A process group of its own: Ctrl-C is meant for this process, which ends the part, and would
-    # kill one that is still being imported. Not a session: niceness counts within one only.
+    # A separate process group: Ctrl-C must reach only this process, which ends the part; it would
+    # kill a part during its imports. Not a new session: niceness only acts within a session.
     process = subprocess.Popen(
         [sys.executable, '-m', __name__, call], stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL, preexec_fn=os.setpgrp)
@@ -81,7 +83,7 @@ def apart(part: str, *arguments, **graph) -> Iterator[subprocess.Popen]:
         yield process
     finally:
         try:
-            process.communicate(timeout=PATIENCE)  # ends its standard input
+            process.communicate(timeout=PATIENCE)  # closes its standard input
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
@@ -91,7 +93,7 @@ def main() -> int:
     """Run a part until the standard input ends."""
     part, arguments, options = json.loads(sys.argv[1])
     add, niceness = PARTS[part]
-    for number in (signal.SIGINT, signal.SIGTERM):  # meant for the graph, which ends this as well
+    for number in (signal.SIGINT, signal.SIGTERM):  # the parent handles them and ends this part
         signal.signal(number, signal.SIG_IGN)
     ended = threading.Event()
 
@@ -104,7 +106,7 @@ def main() -> int:
         with Graph(**options) as graph:
             add(graph, *arguments)
             freeze_heap()
-            # Not before the servo is heard: who gives way at once comes late.
+            # Lower the priority only when the servo is heard: earlier it would delay the start.
             graph.spin(lambda: ended.is_set() or graph.nodes[0].count_publishers(
                 f'/{graph.namespace}/servo_status'))
             os.nice(niceness)

@@ -1,8 +1,8 @@
 """
-Record everything of a sensor, its servo and its robot into a new bag, until it is interrupted.
+Record all topics of a sensor, its servo and its robot into a new bag, until interrupted.
 
-What is written stays readable if the process is killed or the disk is full. Exit status 1 if the
-recording has ended early; the last line says why.
+The recording stays readable if the process is killed or the disk is full. Exit status 1 if the
+recording ended early; the last line says why.
 """
 from pathlib import Path
 import sys
@@ -15,7 +15,7 @@ from tactile_common.ros.runner import run, split_ros_args
 
 
 def parser() -> Parser:
-    """Command line; what follows --ros-args is not of it."""
+    """Return the command-line parser; it does not cover arguments after --ros-args."""
     arguments = Parser(prog='record_bag', description=(__doc__ or '').strip())
     arguments.add_argument('bag', type=Path, metavar='BAG', help='new folder to write')
     arguments.add_argument('--namespace', default='tactile', help='of the sensor')
@@ -23,7 +23,7 @@ def parser() -> Parser:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Record; returns the exit status, see above."""
+    """Record; return the exit status, see above."""
     given, ros = split_ros_args(sys.argv[1:] if args is None else args)
     nodes: list[RecorderNode] = []
     with refusing('record_bag') as command:

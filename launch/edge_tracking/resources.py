@@ -1,9 +1,9 @@
-"""Files that the package ships: the robot, parameters."""
+"""Files that the package installs: robot, parameters."""
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 
 
 def share(*parts):
-    """Path of a file in the package's share folder."""
+    """Return the path of a file in the package's share folder."""
     return Path(get_package_share_directory('edge_tracking'), *parts)

@@ -1,4 +1,4 @@
-"""The robot behind ros2_control: its description with mock hardware, and what must be there."""
+"""Robot description with mock hardware for ros2_control, and the packages that it needs."""
 from collections.abc import Collection, Mapping
 from xml.etree import ElementTree
 
@@ -12,7 +12,7 @@ CONTROL = ('controller_manager', 'hardware_interface', 'joint_state_broadcaster'
 
 
 def require_packages(wanted: str, packages: Collection[str], instead: str) -> None:
-    """ConfigurationError that names what an argument needs and lacks, and how to get it."""
+    """Raise a ConfigurationError that names missing packages and how to install them."""
     missing = [name for name in packages if name not in get_packages_with_prefixes()]
     if missing:
         names = ' '.join(f'ros-$ROS_DISTRO-{name.replace("_", "-")}' for name in missing)
@@ -22,9 +22,10 @@ def require_packages(wanted: str, packages: Collection[str], instead: str) -> No
 
 def starting_at(description: str, positions: Mapping[str, float]) -> str:
     """
-    URDF whose `<ros2_control>` joints start at other positions [rad], by their names.
+    Return the URDF with other start positions [rad] of its `<ros2_control>` joints.
 
-    ConfigurationError if it has no element `<ros2_control>`.
+    `positions` are given by joint name. Raises a ConfigurationError if the URDF has no element
+    `<ros2_control>`.
     """
     robot = parse(description)
     joints = robot.findall('ros2_control/joint')

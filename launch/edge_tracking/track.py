@@ -1,8 +1,8 @@
 """
 Send one goal to the servo and follow it to its end.
 
-Exit status: 0 it was met, 1 it was not, 2 it was refused or a parameter is wrong, 3 sensor or
-servo were not ready, 4 the servo fell silent, 130 interrupted.
+Exit status: 0 the goal was met, 1 it was not met, 2 it was refused or a parameter is wrong, 3
+sensor or servo were not ready, 4 the servo became silent, 130 interrupted.
 """
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -29,11 +29,11 @@ from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact, SensorInfo, ServoReason, ServoStatus
 from tactile_servo.conversions import ACTIONS
 
-ASK_AGAIN = 1.0  # s after a servo was asked to go on, if it still holds
-BEATS = 5  # a timeout
+ASK_AGAIN = 1.0  # s between requests to resume, while the servo still holds
+BEATS = 5  # heartbeats per client timeout
 RECORD = 'import sys; from edge_tracking.executables import record_bag; sys.exit(record_bag())'
-WRITTEN = 3.0  # s for a recorder to end; a node has 3.5 to be destroyed
-RESUMES = 100  # for a mock robot on a machine with too little time
+WRITTEN = 3.0  # s for a recorder to end; a node must be destroyed within 3.5 s
+RESUMES = 100  # for a mock robot on a slow machine
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class TrackConfig(GoalConfig):
 
 
 class Exit(IntEnum):
-    """How a goal can end."""
+    """Exit status of a goal."""
 
     TRACKED = 0
     NOT_TRACKED = 1
@@ -64,12 +64,12 @@ class Exit(IntEnum):
 
 class TrackNode(TactileNode):
     """
-    Wait until sensor and servo are ready, send a goal, report its progress.
+    Waits until sensor and servo are ready, sends a goal and reports its progress.
 
-    `finished` tells that the goal has ended or was never accepted, in whatever way: a servo that
-    has died says nothing any more. `exit`, `reason` and its code, `result` and the newest
-    `feedback`, None at first, go with it. Most of its attributes are ROS entities, which live as
-    long as they are held.
+    `finished` is True when the goal has ended, was not accepted, or the servo became silent.
+    `exit`, `reason`, `reason_code` and `result` then describe the end. `feedback` is the newest
+    feedback, initially None. Most other attributes are ROS entities, which exist as long as they
+    are referenced.
     """
 
     def __init__(self, on_feedback=None, **kwargs):
@@ -81,7 +81,7 @@ class TrackNode(TactileNode):
         self._handle, self.cancelled = None, False
         self._pause = self.create_client(SetBool, 'edge_servo/pause')
         self._heartbeat = self.create_publisher(UUID, 'edge_servo/heartbeat', 1)
-        self._resumed, self._asked = 0, -math.inf  # times, and when last [s]
+        self._resumed, self._asked = 0, -math.inf  # number of requests, and time of the last [s]
         self._sent = self._tared = self._seen = self._robot = self._felt = False
         action = self.config.action
         self._client = ActionClient(self, ACTIONS[action].type, action)
@@ -96,17 +96,17 @@ class TrackNode(TactileNode):
         self._deadline = self.create_timer(self.config.wait, self._give_up, clock=steady)
         if self.config.client_timeout:
             self.create_timer(self.config.client_timeout / BEATS, self._beat, clock=steady)
-        self._heard = 0.0  # steady time [s] of the servo's last word
+        self._heard = 0.0  # steady time [s] of the servo's last message
         self._silence = self.create_timer(
             0.2 * self.config.silence, self._check_silence, clock=steady)
-        # In a group of its own: a Ctrl-C ends the goal, and only then the recording of it.
+        # In a separate process group: Ctrl-C ends the goal first, and then its recording.
         self._recorder = subprocess.Popen(
             [*PREFIX.split(), sys.executable, '-c', RECORD, self.config.record, '--namespace',
              self.get_namespace()], preexec_fn=os.setpgrp) if self.config.record else None
 
     @property
     def success(self):
-        """Whether the goal was met."""
+        """True if the goal was met."""
         return self.exit == Exit.TRACKED
 
     def _on_info(self, msg):
@@ -123,13 +123,13 @@ class TrackNode(TactileNode):
             self.destroy_subscription(self._statuses)
 
     def destroy_node(self):
-        """End the recording too."""
+        """End the recording, then destroy the node."""
         if self._recorder and self._recorder.poll() is None:
             self._recorder.send_signal(signal.SIGTERM)
             try:
                 self._recorder.wait(WRITTEN)
             except subprocess.TimeoutExpired:
-                self._recorder.kill()  # what it has written is readable
+                self._recorder.kill()  # the written part is readable
         super().destroy_node()
 
     def _missing(self):
@@ -168,7 +168,7 @@ class TrackNode(TactileNode):
         if not self._sent or self.finished or silent < self.config.silence:
             return
         if self._handle is not None:
-            self._handle.cancel_goal_async()  # should it come back
+            self._handle.cancel_goal_async()  # in case the servo recovers
         self._end(Exit.SILENT, f'the servo has said nothing for {silent:.1f} s: is it still '
                   'running?')
 
@@ -176,7 +176,7 @@ class TrackNode(TactileNode):
         self._heard = time.monotonic()
         self._handle = future.result()
         if not self._handle.accepted:
-            # A rejection carries no reason; the status does.
+            # A rejection contains no reason, but the status does.
             self.create_subscription(
                 ServoStatus, 'servo_status',
                 lambda status: self._end(Exit.REFUSED, status.reason, status.reason_code), 1)
@@ -201,7 +201,7 @@ class TrackNode(TactileNode):
     def _resume(self, feedback):
         offered = (feedback.state, feedback.reason_code) == (
             ServoStatus.HOLD, ServoReason.INPUT_BACK)
-        # What it was asked comes to nothing where something else goes wrong at that moment.
+        # A request has no effect if another fault occurs at that moment, so repeat it.
         due = time.monotonic() - self._asked > ASK_AGAIN
         if offered and due and self._resumed < self.config.resumes:
             self._resumed, self._asked = self._resumed + 1, time.monotonic()
@@ -222,7 +222,7 @@ class TrackNode(TactileNode):
             self.finished, self.exit, self.reason, self.reason_code = True, how, reason, code
 
     def cancel(self):
-        """Ask the servo to stop; a goal that has not been sent is not sent any more."""
+        """Ask the servo to stop; a goal that was not sent is dropped."""
         self.cancelled = True
         if self._handle is not None:
             self._handle.cancel_goal_async()
@@ -233,7 +233,7 @@ class TrackNode(TactileNode):
 
 
 def main(args=None) -> int:
-    """Track once; returns the exit status, see above. An interrupt cancels the goal."""
+    """Track once and return the exit status, see above; an interrupt cancels the goal."""
     ended = None
 
     def until(node):

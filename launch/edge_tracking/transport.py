@@ -1,4 +1,4 @@
-"""Keeping a graph to this host: which environment its processes need."""
+"""Environment variables that restrict a graph to this host."""
 from collections.abc import Mapping
 import os
 
@@ -13,27 +13,27 @@ _CHOSEN = (RANGE, 'ROS_STATIC_PEERS', 'FASTRTPS_DEFAULT_PROFILES_FILE', *PROFILE
 
 def local_environment(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
     """
-    Variables to add so that no socket of a graph can be reached from another host.
+    Return variables to add so that no other host can reach a socket of the graph.
 
-    None where the environment says already who may be heard; `ws` does the same in its shells.
-    The discovery range LOCALHOST alone does not do: such a node hears all interfaces.
+    Returns none if the environment already restricts discovery; `ws` does the same in its shells.
+    The discovery range LOCALHOST is not enough: such a node listens on all interfaces.
     """
     if any(environment.get(name) for name in _CHOSEN):
         return {}
     if environment.get('RMW_IMPLEMENTATION', '') not in _KNOWN:
         return {RANGE: 'LOCALHOST'}
     folder = share('config')
-    # The profiles find the others of this host; LOCALHOST would add a transport without bounds.
+    # The profiles discover this host's nodes; LOCALHOST would add an unrestricted transport.
     return {RANGE: 'SYSTEM_DEFAULT',
             **{name: place.format(folder) for name, place in PROFILES.items()}}
 
 
 def lease_environment(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
     """
-    Variables to add so that a node which died without a word is forgotten within two seconds.
+    Return variables to add so that a node that died silently is removed within two seconds.
 
-    With Fast DDS as it comes it is 20 s, in which one that is respawned is the second publisher
-    of its topics. None where the environment names profiles of its own.
+    With the defaults of Fast DDS this takes 20 s; during this time a respawned node counts as a
+    second publisher of its topics. Returns none if the environment names its own profiles.
     """
     if any(environment.get(name) for name in ('FASTRTPS_DEFAULT_PROFILES_FILE', *PROFILES)):
         return {}

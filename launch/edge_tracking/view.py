@@ -1,5 +1,5 @@
 """
-Live view: a read-only web page with tactile image, contact, way, force, state and reason.
+Live view: a read-only web page with tactile image, contact, path, force, state and reason.
 
 Also publishes `image/view`, the image with the contact drawn in, while someone subscribes.
 """
@@ -35,9 +35,9 @@ from tactile_servo.types import State
 
 TOPICS = {'image': TactileImage, 'contact': Contact, 'servo_status': ServoStatus,
           'sensor_pose': PoseStamped}
-ATTENTION = 0.5  # s between looks for someone who watches
-FADING = 0.995  # of the darkest colour's pressure, an image
-NOISES = 20.0  # standard deviations of a tactel that this pressure is at least
+ATTENTION = 0.5  # s between checks for viewers
+FADING = 0.995  # factor per image for the pressure of the darkest colour
+NOISES = 20.0  # smallest value of this pressure, in standard deviations of a tactel
 WIDTH = 320  # of `image/view` [px]
 ESTIMATE = (16, 164, 184)
 PALETTE = np.vstack([np.column_stack([
@@ -47,7 +47,7 @@ PALETTE = np.vstack([np.column_stack([
 
 @dataclass(frozen=True)
 class ViewConfig:
-    """Where the page is, and how often it changes."""
+    """Address of the page and its frame rate."""
 
     host: str = field(default='127.0.0.1', metadata={
         'doc': 'address to serve at; where others reach it a token is asked for, see the log'})
@@ -59,8 +59,8 @@ class ViewNode(TactileNode):
     """
     Serve the page. Parameters: `ViewConfig`.
 
-    Without anyone who watches it subscribes to nothing. Messages are not delivered: the newest
-    of each topic is taken, and read, when the next image is due.
+    Without viewers it subscribes to nothing. No callback receives messages: when the next image is
+    due, the node takes and decodes the newest message of each topic.
     """
 
     def __init__(self, **kwargs: Any):
@@ -75,7 +75,7 @@ class ViewNode(TactileNode):
         self._timer: Timer | None = None
         self._shown: dict[str, Any] = {}
         self._top, self._rate, self._last = 0.0, 0.0, (0, 0)
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)  # a replay may be paused
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)  # runs while a replay is paused
         self.create_timer(ATTENTION, self._attend, clock=self._steady)
         self.get_logger().info(f'live view at {self._server.url}')
 
@@ -86,7 +86,7 @@ class ViewNode(TactileNode):
 
     @property
     def subscriptions(self) -> Any:
-        """Subscriptions that an executor serves: without those that are polled."""
+        """Subscriptions for an executor: all except the polled ones."""
         return (it for it in super().subscriptions if it not in self._polled.values())
 
     def _attend(self) -> None:
@@ -105,7 +105,7 @@ class ViewNode(TactileNode):
             self._polled, self._shown = {}, {}
 
     def _take(self, name: str) -> Any:
-        """Newest message of a topic, None if there is no new one."""
+        """Return the newest message of a topic; None if there is no new one."""
         subscription = self._polled[name]
         with subscription.handle:
             taken = subscription.handle.take_message(subscription.msg_type, True)
@@ -135,7 +135,7 @@ class ViewNode(TactileNode):
                 contact or {}).get('place')))
 
     def _image(self, message: Any) -> tuple[Any, np.ndarray, dict[str, Any]]:
-        """Header, levels and data for the page of an image."""
+        """Return header, levels and the page's data of an image."""
         image = image_from_msg(message)
         layer = min((it for it in image.layers if it.component == 'zz'),
                     key=lambda it: it.depth, default=None)
@@ -186,18 +186,18 @@ def _position(message: Any) -> list[float | None]:
 
 
 def _known(value: float) -> float | None:
-    """JSON of a number, which has none that is not finite."""
+    """Return a finite number, or None, because JSON has no NaN and infinity."""
     return value if math.isfinite(value) else None
 
 
 def _name(kind: Any, number: int) -> str:
-    """Name of a number in a message, which may be of another version."""
+    """Return the name of a number in a message, which may come from another version."""
     return kind(number).name.lower() if number in iter(kind) else str(number)
 
 
 def drawn(header: Any, shades: np.ndarray, pitch: list[float], place: dict[str, Any] | None
           ) -> Image:
-    """Return the image of levels, enlarged, rows upwards, with the place of a contact."""
+    """Return the image of levels, enlarged, with rows upwards and the contact drawn in."""
     rows, columns = shades.shape
     factor = max(WIDTH // max(rows, columns), 1)
     x = pitch[0] * ((np.arange(columns * factor) + 0.5) / factor - 0.5 * columns)
@@ -217,7 +217,7 @@ def drawn(header: Any, shades: np.ndarray, pitch: list[float], place: dict[str, 
 
 
 def _header(read: Any) -> Any:
-    """Header of a message that was read from its bytes, as rclpy has it."""
+    """Convert a header decoded by rosbags to an rclpy header."""
     header = Image().header
     header.frame_id, header.stamp.sec = read.frame_id, read.stamp.sec
     header.stamp.nanosec = read.stamp.nanosec
@@ -225,7 +225,7 @@ def _header(read: Any) -> Any:
 
 
 def parser() -> Parser:
-    """Command line; what follows --ros-args is not of it."""
+    """Return the command-line parser; it does not cover arguments after --ros-args."""
     arguments = Parser(prog='view', description=(__doc__ or '').strip(),
                        epilog='Topics are those of the namespace tactile; another by '
                        '--ros-args -r __ns:=/NAME')
@@ -236,7 +236,7 @@ def parser() -> Parser:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Serve until it is interrupted; exit status 2 if the page cannot be served."""
+    """Serve until interrupted; exit status 2 if the page cannot be served."""
     given, ros = split_ros_args(sys.argv[1:] if args is None else args)
     with refusing('view') as command:
         options = parser().parse_args(given)

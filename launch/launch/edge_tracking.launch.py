@@ -1,5 +1,5 @@
 """
-A robot follows an edge by touch.
+Launch a robot that follows an edge by touch.
 
 Without arguments the mock sensor and the mock robot are used, and tracking starts at once.
 With a real array and a real robot, whose joint_trajectory_controller is running:
@@ -7,7 +7,7 @@ With a real array and a real robot, whose joint_trajectory_controller is running
   ros2 launch edge_tracking edge_tracking.launch.py sensor:=flexitac port:=/dev/ttyUSB0 \
       robot_description:=/path/to/robot.urdf params_file:=/path/to/edge_tracking.yaml
 
-There nothing moves before a goal is sent to the action track_edge, or with start:=true.
+The real robot does not move until a goal is sent to the action track_edge, or with start:=true.
 """
 from launch import LaunchDescription
 from launch.actions import OpaqueFunction, SetEnvironmentVariable
@@ -20,9 +20,9 @@ from tactile_servo.motion.urdf import text_of
 
 
 def actions(context):
-    """Actions for the arguments given, none if something is wrong with these."""
+    """Yield the actions for the given arguments; nothing starts if an argument is wrong."""
     leave_interrupt_to_launch()
-    # A prefix of the user's own, such as a debugger, goes before.
+    # A prefix given by the user, such as a debugger, replaces the default one.
     own = context.launch_configurations.get('launch-prefix')
     nodes = Nodes(given(context), own or PREFIX)
     model = nodes.check()

@@ -1,5 +1,5 @@
 """
-Record everything of a sensor, its servo and its robot.
+Record all topics of a sensor, its servo and its robot.
 
   ros2 launch edge_tracking record.launch.py bag:=run
 """
@@ -10,7 +10,7 @@ from launch_ros.actions import Node
 
 
 def generate_launch_description():
-    """Declare the arguments, and the recorder."""
+    """Declare the arguments and the recorder."""
     return LaunchDescription([
         DeclareLaunchArgument('bag', description='new folder to write'),
         DeclareLaunchArgument('namespace', default_value='tactile', description='of the sensor'),

@@ -3,7 +3,7 @@ Play a recording to the estimators, with simulated time and the parameters of th
 
   ros2 launch edge_tracking replay.launch.py bag:=run/bag rate:=0.5 view:=true
 
-What they make of it comes as ever, what was recorded below `recorded`. No robot moves.
+The new estimates use the usual topics, the recorded ones are below `recorded`. No robot moves.
 """
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
@@ -26,7 +26,7 @@ ESTIMATORS = {'contact_estimator': ('tactile_sensing', 'contact'),
 
 
 def actions(context):
-    """Actions for the arguments given, none if the bag cannot be played."""
+    """Yield the actions for the given arguments; nothing starts if the bag cannot be played."""
     def value(name):
         return LaunchConfiguration(name).perform(context)
 
@@ -34,7 +34,7 @@ def actions(context):
     arguments = [value('bag'), '--rate', value('rate'), *(
         f'--{name.replace("_", "-")}' for name in ('loop', 'start_paused')
         if value(name) == 'true')]
-    play_bag.parser().parse_args(arguments)  # refuses before anything is started
+    play_bag.parser().parse_args(arguments)  # refuses wrong arguments before anything is started
     with Bag(value('bag')) as bag:
         names = RecordedTopics(bag, value('namespace') or None)
         names.require_touch(bag)

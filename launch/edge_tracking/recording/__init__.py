@@ -1,1 +1,1 @@
-"""Recordings: writing and reading bags, and what a run was in numbers."""
+"""Recordings: writing and reading bags, and the summary of a run."""

@@ -1,4 +1,4 @@
-"""What a recording that ran through driver and estimator holds: force over time, and presses."""
+"""Summary of a recording of sensor frames: force over time, and presses."""
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,9 +9,9 @@ from tactile_sensing.types.contact import ContactType
 from tactile_simulation.metrics import largest, Metric, NAN, percentile, rate, span
 
 # A press begins above the upper and ends below the lower of these fractions of the force's
-# range; apart, so that noise does not split a press.
+# range. They differ so that noise does not split a press.
 PRESS_THRESHOLDS = (0.55, 0.45)
-# What the report shows of a summary.
+# Parts of a summary that the report shows.
 METRICS = (
     Metric('presses', 'presses', '', 1.0, 0),
     Metric('duration', 'duration', 's'),
@@ -24,17 +24,17 @@ METRICS = (
 
 
 class Press(NamedTuple):
-    """Indices into a series."""
+    """A press, as indices into a series."""
 
     begin: int
     peak: int
-    end: int  # after the last datum
+    end: int  # one after the last sample
 
 
 class ForceSeries(NamedTuple):
-    """Force over time of a recording, `(N,)`."""
+    """Force over time of a recording, arrays `(N,)`."""
 
-    time: np.ndarray  # since the first picture [s]
+    time: np.ndarray  # since the first image [s]
     force: np.ndarray  # zeroth moment, in `unit`
     unit: str
     type: np.ndarray  # numbers of Contact.msg
@@ -43,7 +43,7 @@ class ForceSeries(NamedTuple):
 
 
 def force_series(run: RunData) -> ForceSeries:
-    """Force and centre of pressure by the estimator or, without, by moments of the pictures."""
+    """Return force and centre of pressure, from contacts or else from the images' moments."""
     unit = {'Pa': 'N', '': 'N'}.get(run.images.unit, f'{run.images.unit} m^2')
     contacts = run.contacts
     if np.isfinite(contacts.m0).any():
@@ -60,19 +60,19 @@ def force_series(run: RunData) -> ForceSeries:
 
 
 def force_unit(unit: str) -> tuple[float, str]:
-    """Return factor and unit in which forces of a unit are shown: N, or counts mm^2."""
+    """Return factor and unit to show forces of a unit: N, or counts mm^2."""
     return (1.0, 'N') if unit == 'N' else (1e6, unit.replace('m^2', 'mm\u00b2'))
 
 
 def presses(force: np.ndarray) -> list[Press]:
-    """Find presses in forces `(N,)`, with hysteresis; NaN ends no press and starts none."""
+    """Find presses in forces `(N,)` with hysteresis; NaN neither starts nor ends a press."""
     finite = force[np.isfinite(force)]
     if not finite.size or not np.ptp(finite) > 0.0:
         return []
     low, high = np.percentile(finite, (1, 99))
     upper, lower = (low + fraction * (high - low) for fraction in PRESS_THRESHOLDS)
     found, begin = [], None
-    for index, value in enumerate([*force, -np.inf]):  # the end ends a press as well
+    for index, value in enumerate([*force, -np.inf]):  # the end of data also ends a press
         if begin is None and value > upper:
             begin = index
         elif begin is not None and value < lower:
@@ -82,13 +82,17 @@ def presses(force: np.ndarray) -> list[Press]:
 
 
 def lost_images(run: RunData) -> int:
-    """How many images are missing, by their numbers."""
+    """Return the number of missing images, from their sequence numbers."""
     steps = np.diff(run.images.sequence)
     return int((steps[steps > 0] - run.every.get('image', 1)).sum())
 
 
 def summarise_recording(run: RunData) -> dict[str, Any]:
-    """Summary of a recording; forces in `force_unit`, N only of a calibrated sensor; else SI."""
+    """
+    Return the summary of a recording in SI units.
+
+    Forces are in `force_unit`, which is N only for a calibrated sensor.
+    """
     series, images, stamps = force_series(run), run.images, run.stamps['image']
     found = presses(series.force)
     period = 1.0 / rate(series.stamp_ns) if len(series.stamp_ns) > 1 else NAN

@@ -1,4 +1,4 @@
-"""A run read from its recording: messages to arrays."""
+"""Reader of a run from its recording: converts messages to arrays."""
 from array import array
 from collections import Counter, defaultdict
 from typing import Any
@@ -15,7 +15,7 @@ from tactile_servo.journal import Call, WITH_TEXT
 from tactile_shape.conversions import patch_from_msg
 from tactile_simulation.smoothness import accelerations
 
-MOST = 60_000  # messages of a topic that are read, evenly; of the others the stamps alone
+MOST = 60_000  # messages of a topic, evenly spaced, that are read; of others only the stamps
 _COMPONENT_ZZ = 0
 
 
@@ -23,8 +23,8 @@ def read_run(path, namespace=None, *, joints=True) -> run.RunData:
     """
     Read a run from a rosbag2 recording: its folder, or one of its files.
 
-    Without `joints` no joint states are read. ConfigurationError if there is no recording, or it
-    holds several sensors and no namespace is chosen.
+    Without `joints` the joint states are not read. Raises a ConfigurationError if there is no
+    recording, or if it contains several sensors and no namespace is given.
     """
     with Bag(path) as bag:
         topics = RecordedTopics(bag, namespace)
@@ -69,7 +69,7 @@ def read_run(path, namespace=None, *, joints=True) -> run.RunData:
 
 
 def _kept(bag, row, name):
-    """What is kept of a message; ConfigurationError where it lacks that."""
+    """Return the stored values of a message; ConfigurationError if it lacks one of them."""
     message = bag.unpacked(row)
     try:
         if name in _TABLES:
@@ -80,14 +80,14 @@ def _kept(bag, row, name):
 
 
 def _pressure(message):
-    """Return the shallowest pressure layer of a picture, None if it has none that is whole."""
+    """Return the shallowest complete pressure layer of an image; None if there is none."""
     layers = [layer for layer in message.layers if layer.component == _COMPONENT_ZZ
               and layer.stress.size == message.rows * message.columns > 0]
     return min(layers, key=lambda layer: layer.depth, default=None)
 
 
 def _image(message):
-    """Pressure, unit and pitches, and columns, of an image that has a pressure."""
+    """Return a list with pressure, (unit, pitches) and columns of an image, or an empty list."""
     layer = _pressure(message)
     return [] if layer is None else [(
         layer.stress.reshape(message.rows, message.columns),
@@ -95,7 +95,7 @@ def _image(message):
 
 
 def _images(rows):
-    """Images with the geometry of the first."""
+    """Return the table of images that have the shape of the first one."""
     if not rows:
         return run.Images.of([], frames=np.empty((0, 0, 0), np.float32), array=None, unit='')
     first, (unit, *pitches), _ = rows[0]
@@ -107,17 +107,17 @@ def _images(rows):
 _TABLES: dict[str, Any] = {'contact': run.Contacts, 'servo_status': run.Statuses,
                            'sensor_pose': run.Poses, 'surface_contact': run.Poses}
 _STAMPED = ('image', *_TABLES)
-_THINNED = {*_STAMPED, 'surface_patch'} - {'servo_status'}  # a state may be short
-_NEWEST = ('contour', 'sensor_info')  # of which no other is needed
+_THINNED = {*_STAMPED, 'surface_patch'} - {'servo_status'}  # a state may last one message only
+_NEWEST = ('contour', 'sensor_info')  # only the newest message is needed
 
 
 def _goals(calls):
-    """Texts of the goals that begin in a ServoCalls message."""
+    """Return the texts of the goals that begin in a ServoCalls message."""
     named = calls.call[np.isin(calls.call, WITH_TEXT)].tolist()
     return [text for call, text in zip(named, calls.texts, strict=False) if call == Call.START]
 
 
-# What is kept of a message, of those that are not kept as they are, and of no table.
+# Conversions of messages that are neither stored unchanged nor rows of a table.
 _READ = {
     'image': _image,
     'diagnostics': lambda message: [
@@ -133,7 +133,7 @@ def _contour(rows):
 
 
 def _joint_acceleration(rows):
-    """Of the velocities that joint states tell, else of their positions."""
+    """Return joint accelerations from the recorded velocities, or else from the positions."""
     if not rows:
         return np.empty((0, 0))
     names = rows[0].name

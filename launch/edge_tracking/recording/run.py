@@ -1,4 +1,4 @@
-"""What happened in a run, as arrays; how a column is read from its messages stands beside it."""
+"""Data of a run as arrays; each column is declared together with how it is read."""
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -15,12 +15,12 @@ from tactile_sensing.types.array import TactelArray
 
 def _column(dtype: Any = float, shape: tuple[int, ...] = (),
             read: Callable[[Any], Any] | None = None) -> Any:
-    """Column of a table: type and shape of a value, and how it is read, if not by its name."""
+    """Declare a column: type and shape of a value, and a reader if it is not a field."""
     return field(metadata={'dtype': dtype, 'shape': shape, 'read': read})
 
 
 def _if_there(name):
-    """Read a number that older recordings lack, as NaN."""
+    """Return a reader of a number that older recordings lack; it is NaN there."""
     return lambda message: getattr(message, name, np.nan)
 
 
@@ -29,7 +29,7 @@ def _stamp():
 
 
 def xyz(vector) -> tuple[float, float, float]:
-    """Components of a vector or a point in a message."""
+    """Return the components of a vector or a point in a message."""
     return vector.x, vector.y, vector.z
 
 
@@ -42,17 +42,17 @@ def _matrix(message):
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns of N rows, one for each message."""
+    """Columns of N rows, one row per message."""
 
     @classmethod
     def row(cls: Any, message) -> tuple:
-        """Values of a message, in the order of the columns."""
+        """Return the values of a message in the order of the columns."""
         return tuple([getattr(message, name) if read is None else read(message)
                       for name, _, _, read in _columns(cls)])
 
     @classmethod
     def of(cls: Any, rows: Sequence[tuple], **known) -> Any:
-        """Table of such rows; `known` is what is no column."""
+        """Make a table of such rows; `known` are the fields that are not columns."""
         values = zip(*rows, strict=True) if rows else repeat(())
         for (name, dtype, shape, _), column in zip(_columns(cls), values, strict=False):
             known[name] = np.array(column, dtype=dtype).reshape(len(rows), *shape)
@@ -61,16 +61,16 @@ class Table:
 
 @cache
 def _columns(table: Any) -> list[tuple[str, Any, tuple[int, ...], Any]]:
-    """Name, type, shape and reader of each column."""
+    """Return name, type, shape and reader of each column."""
     return [(item.name, *item.metadata.values()) for item in fields(table) if item.metadata]
 
 
 @dataclass(frozen=True, eq=False)
 class Images(Table):
-    """Pictures of the pressure layer."""
+    """Images of the pressure layer."""
 
     frames: np.ndarray  # (N, rows, columns), NaN = invalid tactel
-    array: TactelArray | None  # None without pictures
+    array: TactelArray | None  # None without images
     unit: str
     stamp_ns: np.ndarray = _stamp()
     sequence: np.ndarray = _column(np.int64)
@@ -96,7 +96,7 @@ class Contacts(Table):
 
 @dataclass(frozen=True, eq=False)
 class Statuses(Table):
-    """What the servo told of its cycles, `(N,)` each; fields as in ServoStatus.msg."""
+    """Status messages of the servo, `(N,)` each; fields as in ServoStatus.msg."""
 
     stamp_ns: np.ndarray = _stamp()
     controller: np.ndarray = _column(object)
@@ -140,7 +140,7 @@ class Info:
 
 @dataclass(frozen=True, eq=False)
 class RunData:
-    """One run of a sensor and its servo; empty arrays of topics that the recording lacks."""
+    """One run of a sensor and its servo; arrays are empty for topics that were not recorded."""
 
     namespace: str
     start_ns: int
@@ -151,17 +151,17 @@ class RunData:
     contour: np.ndarray  # (N, 3), points of the newest contour [m]
     patches: list  # every valid Patch of a surface
     info: Info | None  # None if the recording lacks it
-    joint_acceleration: np.ndarray = field(  # (K, n), by the joint states [rad/s^2]
+    joint_acceleration: np.ndarray = field(  # (K, n), from the joint states [rad/s^2]
         default_factory=lambda: np.empty((0, 0)))
-    stamps: Mapping[str, np.ndarray] = field(  # of all messages of a topic [ns], by its name
+    stamps: Mapping[str, np.ndarray] = field(  # stamps of all messages [ns] by topic name
         default_factory=lambda: defaultdict(partial(np.empty, 0, np.int64)))
-    every: Mapping[str, int] = field(default_factory=dict)  # of how many one was read
-    goals: Sequence[str] = ()  # fields of each, as JSON
+    every: Mapping[str, int] = field(default_factory=dict)  # one of this many was read
+    goals: Sequence[str] = ()  # fields of each goal as JSON
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by node
-    nodes: frozenset[str] = frozenset()  # names of those that told their state
-    touches: Poses = field(  # of a surface: contacts, z along the outward normal
+    nodes: frozenset[str] = frozenset()  # names of the nodes with diagnostics
+    touches: Poses = field(  # contacts with a surface, z along the outward normal
         default_factory=lambda: Poses.of([]))
 
     def seconds(self, time_ns) -> np.ndarray:
-        """Return times [ns] as seconds since the first message that was read."""
+        """Convert times [ns] to seconds since the first message that was read."""
         return (np.asarray(time_ns, dtype=np.int64) - self.start_ns) * 1e-9

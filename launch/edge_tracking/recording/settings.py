@@ -1,4 +1,4 @@
-"""What the nodes of a recording ran with, and what is to be changed of it."""
+"""Recorded parameters of the nodes, and changes to them."""
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -22,16 +22,16 @@ REPLAYED = ('contact_estimator', 'shape_estimator', SERVO)
 
 @dataclass
 class Settings:
-    """Parameters by node: `recorded`, and `changed` in place of some of these."""
+    """Parameters by node: `recorded`, and `changed` values that override some of them."""
 
     recorded: dict[str, dict[str, Any]] = field(default_factory=dict)
     changed: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, bag: Bag, topics: RecordedTopics) -> 'Settings':
-        """Read the parameters with which each node began, and what a replay has changed."""
+        """Read the parameters with which each node began, and the changes by a replay."""
         found: dict[str, dict[str, Any]] = {}
-        with suppress(ConfigurationError, RuntimeError):  # whoever reads all of it is told
+        with suppress(ConfigurationError, RuntimeError):  # reading all messages reports the error
             for row in bag.messages([topics.topic.get('parameters', '')]):
                 message = row.message
                 node = message.node.rpartition('/')[2]
@@ -40,7 +40,7 @@ class Settings:
         return cls(found)
 
     def change(self, wishes: Sequence[str]) -> None:
-        """Change what NODE.PARAM=VALUE says; ConfigurationError of what there is not."""
+        """Apply changes NODE.PARAM=VALUE; ConfigurationError if node or parameter is unknown."""
         for wish in wishes:
             place, equals, text = wish.partition('=')
             node, _, name = place.partition('.')
@@ -59,7 +59,7 @@ class Settings:
                 raise ConfigurationError(f'--set {node}: {error}') from error
 
     def config(self, node: str, kind: type) -> Any:
-        """Dataclass of the parameters of a node."""
+        """Return a dataclass of the parameters of a node."""
         return ParameterFile().config(node, kind, {
             **self.recorded.get(node, {}), **self.changed.get(node, {})})
 
@@ -70,7 +70,7 @@ class Settings:
 
     @property
     def has_robot(self) -> bool:
-        """Whether the servo's parameters are known."""
+        """True if the servo's parameters are known."""
         return bool(self.recorded.get(SERVO, {}).get('robot_description'))
 
 
@@ -80,7 +80,7 @@ def _value(wish: str, text: str) -> Any:
     except yaml.YAMLError as error:
         raise ConfigurationError(f'--set {wish}: {text!r} is no value') from error
     with suppress(ValueError):
-        return float(value) if isinstance(value, str) else value  # 1e-3 is no number of YAML
+        return float(value) if isinstance(value, str) else value  # YAML reads 1e-3 as a text
     return value
 
 

@@ -1,4 +1,4 @@
-"""A recorded run in numbers: how well what was touched was tracked."""
+"""Summary of a recorded run: how well an edge or surface was tracked."""
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -25,15 +25,15 @@ def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
 
 
 def truth(run: RunData, scene: Scene) -> Truth:
-    """Compare the recorded poses of the pad with the scene; time as of `run.seconds`."""
+    """Compare the recorded poses of the pad with the scene; time as in `run.seconds`."""
     poses, statuses, world = run.poses, run.statuses, scene.world()
     force, shift = np.empty(len(poses.stamp_ns)), np.zeros((len(poses.stamp_ns), 3))
     for index, pose in enumerate(poses.matrix):
         force[index], shift[index] = world.force(pose), world.shift  # it may slip
-    # The cycle that was the newest when the pose was taken tells the state.
+    # The state at a pose is that of the newest cycle at its stamp.
     newest = np.searchsorted(statuses.stamp_ns, poses.stamp_ns, side='right') - 1
     progress, tracking, settled = (
-        np.append(values, values.dtype.type(0))[newest]  # -1, before the first cycle: the 0
+        np.append(values, values.dtype.type(0))[newest]  # -1, before the first cycle, gives 0
         for values in (statuses.progress, *settled_cycles(statuses)))
     return world.truth(Course(
         run.seconds(poses.stamp_ns), poses.matrix, force, shift, progress, tracking, settled))
@@ -41,10 +41,11 @@ def truth(run: RunData, scene: Scene) -> Truth:
 
 def latencies(run: RunData) -> tuple[np.ndarray, np.ndarray]:
     """
-    Stamps of pictures [ns] and times from their last byte to the command that used it [s], (N,).
+    Return stamps of images [ns] and their latencies [s], (N,) each.
 
-    From arrival at the driver, which is the stamp and the acquisition delay, to the first command
-    that used it, as the servo measured it; of pictures that a status names, while it tracks.
+    The latency begins when the last byte arrives at the driver, which is the stamp plus the
+    acquisition delay. It ends with the first command that used the image, as measured by the
+    servo. Only images that a status names while the servo tracks are included.
     """
     statuses = run.statuses
     delay = run.info.acquisition_delay if run.info else 0.0
@@ -56,20 +57,24 @@ def latencies(run: RunData) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cycle_count(statuses: Statuses, active: np.ndarray) -> int:
-    """Control cycles from the first to the last of some statuses; once there was one for each."""
+    """
+    Return the number of control cycles from the first to the last active status.
+
+    Old recordings have one status per cycle.
+    """
     told = statuses.cycles[active]
     return int(np.ptp(told)) + 1 if told.size and np.isfinite(told).all() else len(active)
 
 
 def cycle_rate(statuses: Statuses, active: np.ndarray) -> float:
-    """Control cycles per second from the first to the last of some statuses [Hz]."""
+    """Return the control cycles per second from the first to the last active status [Hz]."""
     span = metrics.span(statuses.stamp_ns[active])
     return (cycle_count(statuses, active) - 1) / span if span > 0.0 else NAN
 
 
 @lru_cache(maxsize=1)
 def rebuilt_outline(run):
-    """Outline of what was touched, of the recorded contour; None where there is too little."""
+    """Return the outline of the recorded contour; None if there are too few points."""
     try:
         return find_outline(run.contour)
     except TactileError:
@@ -78,23 +83,23 @@ def rebuilt_outline(run):
 
 @dataclass(frozen=True)
 class Asked:
-    """What a goal asked for, and how its action ended; what is None the recording says."""
+    """Goal of a run and how its action ended; None means that the recording provides it."""
 
     success: bool
-    reason: str = ''  # that of the last control cycle if empty
+    reason: str = ''  # if empty, the reason of the last control cycle is used
     reason_code: int = ReasonCode.NONE
     speed: float | None = None  # m/s
     force: float | None = None  # N
-    seed: int | None = None  # of the scene's noise
+    seed: int | None = None  # seed of the scene's noise
 
 
 def is_of_servo(run: RunData) -> bool:
-    """Whether a servo had a goal in a run."""
+    """Return True if a servo had a goal in a run."""
     return bool((run.statuses.state != State.IDLE).any())
 
 
 def goal_was_met(run: RunData) -> bool:
-    """Whether the servo says that it met its last goal."""
+    """Return True if the servo reported that it met its last goal."""
     codes = run.statuses.reason_code
     ends = codes[(codes >= ReasonCode.LENGTH_REACHED) & (codes < ReasonCode.BUSY)]
     ends = ends[(ends < ReasonCode.PAUSED) | (ends >= ReasonCode.CANCELLED)]  # without holds
@@ -104,11 +109,11 @@ def goal_was_met(run: RunData) -> bool:
 def summarise(run: RunData, scene: Scene | None, real: Truth | None = None, **known
               ) -> dict[str, Any]:
     """
-    Return the summary of a run, SI units, NaN = unknown.
+    Return the summary of a run in SI units; NaN means unknown.
 
-    In a scene errors and forces are those of the scene at the recorded poses, `truth` if `real`
-    is not given, not the sensor's own; `ok` only if the action succeeded and the scene does not
-    object. Without one there are none.
+    In a scene, errors and forces are those of the scene at the recorded poses, not the sensor's;
+    they come from `real`, or from `truth` if it is missing. `ok` is True only if the action
+    succeeded and the scene's limits are kept. Without a scene there are no errors and forces.
 
     Parameters
     ----------
@@ -133,7 +138,7 @@ def summarise(run: RunData, scene: Scene | None, real: Truth | None = None, **kn
 
 
 def shape_of_edge(run: RunData) -> tuple[np.ndarray, dict[str, Any]]:
-    """Vertices (N, 3) of the rebuilt outline [m], and what it consists of."""
+    """Return the vertices (N, 3) of the rebuilt outline [m] and a description of its parts."""
     outline = rebuilt_outline(run)
     if outline is None:
         return np.zeros((0, 3)), {'closed': False, 'corners': [], 'sides': []}
@@ -145,9 +150,10 @@ def shape_of_edge(run: RunData) -> tuple[np.ndarray, dict[str, Any]]:
 
 def shape_of_surface(run: RunData) -> tuple[np.ndarray, dict[str, Any]]:
     """
-    Contacts (N, 3) [m], the kind of surface that most patches are, and its radius [m].
+    Return contacts (N, 3) [m], and the most frequent kind of patch with its radius [m].
 
-    A straight way over a sphere is as one round a cylinder: the curvature across it is not seen.
+    A straight path over a sphere looks the same as one around a cylinder: it does not show the
+    curvature across the path.
     """
     felt, kinds = run.touches.position, [patch.kind for patch in run.patches if patch.valid]
     if not kinds:
@@ -162,12 +168,12 @@ def shape_of_surface(run: RunData) -> tuple[np.ndarray, dict[str, Any]]:
         'surface_seen_across': bool(np.mean([patch.seen.all() for patch in of_kind]) > 0.5)}
 
 
-# What was felt and what that is, by the action of a scene.
+# Functions that return contacts and shape, by the action of a scene.
 SHAPES = {'track_edge': shape_of_edge, 'track_surface': shape_of_surface}
 
 
 def of_servo(run: RunData, scene: str, asked: Asked) -> dict[str, Any]:
-    """Give the part of a summary that servo and sensor tell, whatever is tracked."""
+    """Return the part of a summary that comes from servo and sensor, for any action."""
     statuses, stamps = run.statuses, run.stamps['image']
     tracking, settled = settled_cycles(statuses)
     active = np.flatnonzero(statuses.state != State.IDLE)

@@ -1,4 +1,4 @@
-"""The topics of the graph, and which of a recording are which."""
+"""Topics of the graph, and how to identify them in a recording."""
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Path
@@ -21,12 +21,12 @@ from tactile_msgs.msg import (
 )
 
 NAMESPACE = 'tactile'
-OF_SENSORS = ('image', 'contact', 'servo_status')  # that tell a sensor's namespace
+OF_SENSORS = ('image', 'contact', 'servo_status')  # they identify a sensor's namespace
 OF_ROBOTS = ('joint_states', 'joint_trajectory')  # in any namespace
 
 
 def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
-    """Every topic of the graph, with its type and the quality of service to listen with."""
+    """Return every topic of the graph with its type and quality of service for subscribers."""
     deep = QoSProfile(depth=100)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     settings = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -48,16 +48,16 @@ KINDS = {name.rpartition('/')[2]: kind for name, kind, _ in topics(NAMESPACE)}
 
 class RecordedTopics:
     """
-    Topics of a recording by the names that they have here; those of another type do not count.
+    Topics of a recording by their names in this graph; topics of another type are ignored.
 
-    ConfigurationError where there are several sensors, and no namespace is chosen.
+    Raises a ConfigurationError if there are several sensors and no namespace is given.
 
     Attributes
     ----------
     prefix : str
-        Namespace of the sensor, '' or with its slash.
+        Namespace of the sensor, '' or with a slash.
     topic, name : dict of str
-        Topics by name, without those that hold nothing, and the reverse.
+        Topics by name, without empty ones, and names by topic.
     """
 
     def __init__(self, bag: Bag, namespace: str | None = None):
@@ -79,7 +79,7 @@ class RecordedTopics:
         self.topic = {name: topic for topic, name in self.name.items()}
 
     def require_touch(self, bag: Bag) -> None:
-        """ConfigurationError where nothing was felt."""
+        """Raise a ConfigurationError if there is neither an image nor a contact."""
         if not {'image', 'contact'} & self.topic.keys():
             raise ConfigurationError(
                 f'bag {bag.path}: has no image and no contact of a tactile sensor in '

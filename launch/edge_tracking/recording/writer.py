@@ -1,4 +1,4 @@
-"""Recording topics into a rosbag2 folder with MCAP storage, compressed by zstd."""
+"""Recorder of topics into a rosbag2 folder with MCAP storage, compressed by zstd."""
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
@@ -25,12 +25,12 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.ros.message_definitions import definition_of
 from tactile_common.ros.node import TactileNode
 
-# Time after which what is written is readable, should the process be killed [s].
+# Time after which a written message is readable even if the process is killed [s].
 CHUNK_PERIOD = 1.0
-# Time between two rounds of the writer [s]: long enough that it wakes seldom among callbacks
-# that have deadlines, short enough that little is lost if the process dies.
+# Period of the writer [s]: long, so that it rarely disturbs callbacks with deadlines, and short,
+# so that little is lost if the process dies.
 WRITE_PERIOD = 0.1
-# What may wait to be written: at 5000 messages per second, six seconds of a disk that stalls.
+# Messages that may wait: at 5000 messages per second, six seconds of a stalled disk.
 MAX_WAITING = 30_000
 
 _INFINITE = QosTime(9223372036, 854775807)
@@ -38,12 +38,12 @@ _INFINITE = QosTime(9223372036, 854775807)
 
 class BagWriter:
     """
-    A new bag; what is in it stays readable whatever becomes of the process or the disk.
+    A new bag; its contents stay readable if the process dies or the disk fails.
 
     Parameters
     ----------
     topics : list of (str, type, QoSProfile)
-        Name, message class and quality of service that a player offers, of each.
+        Name, message class and quality of service for players, of each topic.
 
     Raises
     ------
@@ -69,10 +69,10 @@ class BagWriter:
             name, known.name, msgdef=known.text, rihs01=known.digest,
             offered_qos_profiles=[_offered(qos)])
             for (name, _, qos), known in zip(topics, described, strict=True)]
-        self._begun: int | None = None  # time of the first message that is not on the disk [ns]
+        self._begun: int | None = None  # time of the first message that is not yet on disk [ns]
 
     def write(self, index: int, time_ns: int, data: bytes) -> None:
-        """Write the bytes of a message of the topic of an index; OSError of a full disk."""
+        """Write the bytes of a message of the topic with an index; OSError if the disk is full."""
         storage = self._writer.storage
         if self._begun is None:
             self._begun = time_ns
@@ -83,33 +83,33 @@ class BagWriter:
         self._writer.write(self._connections[index], time_ns, data)
 
     def close(self) -> None:
-        """Write the index; OSError of a full disk, what came before is readable without."""
+        """Write the index; OSError if the disk is full, but the messages stay readable."""
         self._writer.close()
 
     def abort(self) -> None:
-        """Leave what there is without an index."""
-        with suppress(OSError):  # again, of what could not be written
+        """Leave the bag as it is, without an index."""
+        with suppress(OSError):  # the same error again
             self._writer.abort()
 
 
 class RecorderNode(TactileNode):
     """
-    Record topics as they come over the wire, without deserialising them, into a new folder.
+    Records topics as raw bytes, without deserialisation, into a new folder.
 
     The callbacks only append to a queue; a thread writes. `ros2 bag info` and `ros2 bag play`
-    open the result. The diagnostics say which topics were heard.
+    can read the result. The diagnostics contain the topics that were received.
 
     Parameters
     ----------
     topics : list of (str, type, QoSProfile)
-        Name, message class and quality of service, also what a player will offer, of each.
+        Name, message class and quality of service (also for players) of each topic.
     max_waiting : int
-        Messages that may wait to be written; what comes on top is dropped and counted.
+        Messages that may wait to be written; any more are dropped and counted.
 
     Attributes
     ----------
     failed : str
-        Why it has ended early; empty while it goes on.
+        Why the recording ended early; empty while it continues.
 
     Raises
     ------
@@ -135,9 +135,9 @@ class RecorderNode(TactileNode):
     def _callback(self, index):
         waiting = self._waiting
 
-        # Of one argument: the events executor cannot pass the message's information along
-        # with raw bytes, so the time of reception is taken here. By the system's clock, as
-        # `ros2 bag record` does: a Time of rclpy's takes longer to make than all the rest.
+        # One argument only: the events executor cannot pass the message info with raw bytes, so
+        # the time of reception is taken here. It is the system time, as in `ros2 bag record`;
+        # to make an rclpy Time takes longer than everything else here.
         def take(data):
             if len(waiting) < self._max_waiting:
                 waiting.append((index, time_ns(), data))
@@ -146,7 +146,7 @@ class RecorderNode(TactileNode):
         return take
 
     def close(self):
-        """Write what waits and finish the bag; nothing is recorded any more."""
+        """Write the waiting messages and finish the bag; recording stops."""
         self._closed.set()
         if self._thread.ident and threading.current_thread() is not self._thread:
             self._thread.join()
@@ -163,7 +163,7 @@ class RecorderNode(TactileNode):
             self._write_waiting()
             self._writer.close()
         except OSError as error:
-            self._max_waiting = 0  # from here on everything is dropped
+            self._max_waiting = 0  # drop all further messages
             self.failed = f'recording ended early: {error.strerror or error}'
             self._writer.abort()
             self.get_logger().error(self.failed)
@@ -186,12 +186,12 @@ class RecorderNode(TactileNode):
 
 
 def _compressed(data: bytes) -> bytes:
-    """As zstd does, with a checksum that tells of damage."""
+    """Compress with zstd, with a checksum that reveals damage."""
     return zstd.compress(data, options={zstd.CompressionParameter.checksum_flag: 1})
 
 
 def _offered(qos):
-    """Return the quality of service that a player has to offer, as rosbags writes it."""
+    """Return the quality of service for players, in rosbags' format."""
     keep_all = qos.history == HistoryPolicy.KEEP_ALL
     best_effort = qos.reliability == ReliabilityPolicy.BEST_EFFORT
     latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL

@@ -1,1 +1,1 @@
-"""Recordings run through the same cores as the nodes, without a graph."""
+"""Replay of recordings through the cores of the nodes, without a graph."""

@@ -14,7 +14,7 @@ from tactile_common.progress import Progress
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line."""
+    """Return the command-line parser."""
     arguments = Parser(
         prog='replay', formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Run recordings through the cores of contact estimator, servo and shape '
@@ -46,7 +46,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def options_of(given: argparse.Namespace) -> Options:
-    """Options of a command line; ConfigurationError of a wrong one."""
+    """Convert the command line to options; ConfigurationError if one is wrong."""
     tolerances = {}
     for text in given.tolerance:
         name, _, number = text.rpartition('=')
@@ -65,7 +65,7 @@ def options_of(given: argparse.Namespace) -> Options:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the command; exit status as `--help` says."""
+    """Run the command; the exit status is explained by `--help`."""
     with refusing('replay') as command:
         args = sys.argv[1:] if args is None else args
         given = parser().parse_args(args)

@@ -1,4 +1,4 @@
-"""What was recorded beside what was replayed: which fields differ, by how much, and since when."""
+"""Comparison of recorded and replayed messages: which fields differ, by how much, and when."""
 from collections.abc import Iterator
 from dataclasses import dataclass, field, is_dataclass
 import math
@@ -9,16 +9,16 @@ import numpy as np
 from tactile_common.ros.conversions import NS, stamp_to_ns
 
 TOLERANCE = 1e-9
-# Topics that are compared, and their fields that tell of the machine.
+# Compared topics, with their fields that depend on the machine; these are not compared.
 COMPARED: dict[str, tuple[str, ...]] = {
     'contact': ('latency',), 'wrench': (), 'surface_patch': (), 'contour': (),
     'surface_contact': (), 'sensor_pose': (), 'joint_trajectory': (),
     'servo_status': ('latency', 'cycle_time', 'cpu_time', 'cycles', 'missed_cycles')}
-# A node skips images that it has no time for, a replay none: what is made of these alone is none
-# of the differences.
+# A node skips images when it is late, a replay does not. So additional replayed messages of these
+# topics are not differences.
 SKIPPED = ('contact', 'wrench', 'surface_patch')
 FIRST = 10  # differences that are listed
-WAIT = 5 * NS  # for the other one of two messages
+WAIT = 5 * NS  # time to wait for the other message of a pair
 
 
 class Difference(NamedTuple):
@@ -29,12 +29,12 @@ class Difference(NamedTuple):
     field: str
     recorded: Any
     replayed: Any
-    size: float  # inf where they are no numbers
+    size: float  # inf if they are not numbers
 
 
 @dataclass
 class Tally:
-    """What was found on a topic."""
+    """Result of the comparison of one topic."""
 
     compared: int = 0
     begin: float = math.inf  # stamps of the first and the last pair
@@ -46,11 +46,11 @@ class Tally:
 
 class Comparison:
     """
-    Messages of two sides, 0 recorded and 1 replayed, in pairs by their stamps.
+    Compares messages of two sides, 0 recorded and 1 replayed, in pairs with equal stamps.
 
-    Messages of a side alone count where the other has some before and after: a recording begins
-    and ends in the middle. `tolerances` are by `topic.field`, `field` or '' for all; else
-    `TOLERANCE` holds.
+    A message without a partner counts as a difference only between the first and last pair of its
+    topic, because a recording begins and ends in the middle. `tolerances` have the keys
+    `topic.field`, `field`, or '' for all; the default is `TOLERANCE`.
     """
 
     def __init__(self, tolerances: dict[str, float]):
@@ -61,9 +61,9 @@ class Comparison:
         self.first: list[Difference] = []
 
     def take(self, side: int, topic: str, message: Any, now_ns: int) -> None:
-        """Take a message of a side; it is compared once the other one is there."""
+        """Add a message of a side; it is compared when its partner is there."""
         stamp = stamp_to_ns(message.header.stamp)
-        if not stamp:  # a window that begins as it is received
+        if not stamp:  # a window that begins on reception has no stamp
             stamp = -1 - self._unstamped.get((topic, side), 0)
             self._unstamped[topic, side] = -stamp
         other = self._waiting[1 - side].pop((topic, stamp), None)
@@ -83,7 +83,7 @@ class Comparison:
                 tally.only[side] += tally.begin < abs(stamp) < tally.end
 
     def finish(self) -> None:
-        """Say that nothing comes any more."""
+        """Process the messages without a partner after the last message."""
         self._give_up(1 << 62)
 
     def _compare(self, topic: str, stamp: int, before: Any, after: Any) -> None:
@@ -107,13 +107,13 @@ class Comparison:
 
     @property
     def equal(self) -> bool:
-        """Whether nothing differs, and something was compared."""
+        """True if something was compared and nothing differs."""
         return any(it.compared for it in self.topics.values()) and not any(
             it.differing or it.only[0] or (it.only[1] and topic not in SKIPPED)
             for topic, it in self.topics.items())
 
     def table(self) -> str:
-        """Short table of what was compared, and the first differences."""
+        """Return a short table of the compared topics, and the first differences."""
         lines = ['topic               compared  differ  only recorded  only replayed']
         for topic, it in self.topics.items():
             lines.append(f'{topic:18} {it.compared:9} {it.differing:7} {it.only[0]:14} '
@@ -132,9 +132,10 @@ class Comparison:
 
 def unequal(one: Any, other: Any, without: tuple[str, ...] = ()) -> Iterator[tuple[str, Any, Any]]:
     """
-    Yield names and values of the fields in which two messages of one type are not the same.
+    Yield names and values of the fields in which two messages of one type differ.
 
-    Those `without` are left out; of a version that lacks one its value is None.
+    Fields in `without` are skipped. If a field is missing in the other version of the type, its
+    value is None.
     """
     for name in one.__dataclass_fields__:
         if name in without or name.startswith('__'):
@@ -161,7 +162,7 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def _distance(one: Any, other: Any) -> float:
-    """How far apart two values are, of those beyond 1 relative; NaN is near to NaN alone."""
+    """Return the difference of two values, relative if above 1; NaN only equals NaN."""
     if isinstance(one, (str, list)) or isinstance(other, (str, list)):
         return 0.0 if one == other else math.inf
     a, b = (np.asarray(it, dtype=float) for it in (one, other))

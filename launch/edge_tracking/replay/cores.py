@@ -1,4 +1,4 @@
-"""Estimator, servo and shape estimator of a recording, fed by its messages one by one."""
+"""Estimator, servo and shape estimator of a recording, fed with its messages one by one."""
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -42,17 +42,17 @@ from tactile_shape.contour.object_model import ModelConfig
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorConfig, ShapeTopics
 
-BEHIND = NS  # in which all that a servo has used has reached a recorder as well
-WAITING = 4000  # inputs of a kind that wait for being used
+BEHIND = NS  # within this time a recorder has received all inputs that the servo used
+WAITING = 4000  # inputs of one kind that are kept until used
 UNKNOWN = Timing(math.nan, math.nan, math.nan, 0, 0)
-Emit = Callable[[str, int, bytes], None]  # takes the name of a topic, a time [ns] and a message
-# By the numbers of the calls, which a message has: an IntEnum is slow to look up.
+Emit = Callable[[str, int, bytes], None]  # topic name, time [ns] and message
+# Keys are integers, as in the messages: the lookup of an IntEnum is slow.
 _KINDS = {int(Call.SENSOR): 'sensor_info', int(Call.JOINTS): 'joint_states',
           int(Call.IMAGE): 'image', int(Call.CONTACT): 'contact'}
 
 
 class Inputs:
-    """What was recorded, by the stamps that a servo's calls name it with."""
+    """Recorded inputs by the stamps with which the servo's calls refer to them."""
 
     def __init__(self) -> None:
         self._kept: dict[str, dict[int, Any]] = {name: {} for name in _KINDS.values()}
@@ -60,17 +60,17 @@ class Inputs:
         self.lost: Counter[str] = Counter()
 
     def keep(self, name: str, stamp_ns: int, value: Any) -> None:
-        """Keep one until it is used, or many have come since."""
+        """Keep an input until it is used, or many newer ones have arrived."""
         kept = self._kept[name]
         kept[stamp_ns] = value
         if len(kept) > WAITING:
             del kept[next(iter(kept))]
 
     def find(self, name: str, stamp_ns: int) -> Any:
-        """Return the one of a stamp [ns] and forget those before; None if it was not recorded."""
+        """Return the input with a stamp [ns] and drop earlier ones; None if not recorded."""
         kept = self._kept[name]
         if stamp_ns not in kept:
-            if name in self._begun:  # else it was before the recording
+            if name in self._begun:  # otherwise it was before the recording
                 self.lost[name] += 1
             return None
         self._begun.add(name)
@@ -81,17 +81,17 @@ class Inputs:
 
 @dataclass
 class Cycle:
-    """A control cycle: what the servo has decided, and when."""
+    """A control cycle: the decision of the servo and its time."""
 
     now: float  # steady [s]
     now_ns: int
     status: Any
     window: Any
-    told: bool = False  # whether its status was published
+    told: bool = False  # True if its status was published
 
 
 class ServoCore:
-    """A servo that does again what its calls say."""
+    """A servo that repeats its recorded calls."""
 
     def __init__(self, settings: Settings, inputs: Inputs, emit: Emit,
                  on_pose: Callable[[PoseStamped], None], on_touch: Callable[[PoseStamped], None],
@@ -109,12 +109,12 @@ class ServoCore:
         self._status.header.frame_id = c.tip_frame
         self._maps = law.maps_surface
         self._cycle: Cycle | None = None
-        self._news: Any = None  # the last state and reason
+        self._news: Any = None  # last state and reason
         self._due = 0  # number of the next call
         self.lost_calls = 0
 
     def repeat(self, received_ns: int, message: Any) -> None:
-        """Do what a ServoCalls message says."""
+        """Repeat the calls of a ServoCalls message."""
         if self._due:
             self.lost_calls += max(message.first - self._due, 0)
         self._due = message.first + len(message.call)
@@ -145,7 +145,7 @@ class ServoCore:
         try:
             ask_again(self.servo, call, time, value, text)
         except TactileError:
-            pass  # it was refused then as well, or with other settings is
+            pass  # it was also refused in the recording, or is so with changed settings
 
     def _see(self, call: int, time: float, stamp_ns: int, at: int) -> None:
         seen = self._inputs.find(_KINDS[call], stamp_ns)
@@ -161,7 +161,7 @@ class ServoCore:
         else:
             try:
                 servo.see_joints(seen, stamp_ns, time)
-            except ValueError:  # not believed, then as now
+            except ValueError:  # also refused in the recording
                 return
             pose_to_msg(servo.inputs.pose, self._pose.pose)
             set_stamp(self._pose.header.stamp, stamp_ns)
@@ -171,7 +171,7 @@ class ServoCore:
     def _see_image(self, image: Any, time: float, at: int) -> None:
         try:
             self.servo.see_image(image, time)
-        except TactileError:  # likewise
+        except TactileError:  # also refused in the recording
             return
         touch = self.servo.law.touch
         if self._maps and touch and touch.stamp_ns == image.stamp_ns:
@@ -180,7 +180,7 @@ class ServoCore:
             self._on_touch(message)
 
     def _end_cycle(self, at: int) -> None:
-        """Emit what a cycle has brought, once it is known what has become of it."""
+        """Emit the results of a cycle once all calls that belong to it are known."""
         cycle, self._cycle = self._cycle, None
         if cycle is None:
             return
@@ -198,10 +198,10 @@ class ServoCore:
 @dataclass
 class Cores:
     """
-    The cores behind the nodes, in a row: what is taken in comes out as `emit` and the tables.
+    The cores of the nodes in sequence: input messages lead to calls of `emit` and to tables.
 
-    `from_images` runs the estimator; else the recorded contacts are used. `contact_row` and
-    `cycle_row` take a Contact with its stamp [ns], and a Cycle.
+    With `from_images` the contact estimator runs; otherwise the recorded contacts are used.
+    `contact_row` takes a stamp [ns] and a Contact, `cycle_row` a Cycle.
     """
 
     bag: Bag
@@ -216,7 +216,7 @@ class Cores:
     def __post_init__(self) -> None:
         settings, self.inputs = self.settings, Inputs()
         self._estimator = ContactEstimator(settings.config('contact_estimator', EstimatorConfig))
-        self._now_ns = 0  # of what is being done
+        self._now_ns = 0  # time of the message that is being processed
         self._shape = ShapeTopics(self._publisher, self.faults.append, *(
             settings.config('shape_estimator', kind)
             for kind in (ShapeEstimatorConfig, LocalQuadricConfig, ModelConfig)))
@@ -229,19 +229,19 @@ class Cores:
                         if (taker := getattr(self, f'_on_{name}', None))}
 
     def _publisher(self, _: Any, name: str, __: Any) -> Any:
-        """Return what a node would publish with."""
+        """Return a stand-in for a node's publisher."""
         return SimpleNamespace(
             publish=lambda message: self.emit(name, self._now_ns, packed(message)))
 
     def take(self, name: str, row: Recorded) -> None:
-        """Take a raw message of a topic, in the order of their reception."""
+        """Process a raw message of a topic; call this in the order of reception."""
         while self._later and self._later[0][0].received_ns < row.received_ns - BEHIND:
             self._do_next()
         if name in self._takers:
             self._do(row, self._read, self._takers[name], row)
 
     def finish(self) -> None:
-        """Do what still waits."""
+        """Process everything that still waits."""
         while self._later:
             self._do_next()
 

@@ -1,4 +1,4 @@
-"""Many recordings replayed side by side, each by a process of its own."""
+"""Replay of many recordings in parallel, each in a separate process."""
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ from tactile_common.errors import ConfigurationError
 
 
 class Row(NamedTuple):
-    """What became of a recording: its exit status, see the command, and that in words."""
+    """Result of one recording: its exit status (see the command) and a text."""
 
     bag: str
     status: int
@@ -24,14 +24,14 @@ class Row(NamedTuple):
 
 
 def bags_in(paths: Sequence[str]) -> list[Path]:
-    """Find recordings: those named, and all within folders that are none."""
+    """Find recordings: the given ones, and all inside folders that are not recordings."""
     found: list[Path] = []
     for path in map(Path, paths):
         if not path.is_dir() or (path / 'metadata.yaml').exists():
             found.append(path)
             continue
         files = sorted({*path.rglob('*.mcap'), *path.rglob('*.db3')})
-        # A folder of one file is its recording, with or without metadata.
+        # A folder with metadata is one recording; otherwise each file is one.
         inside = [file.parent if (file.parent / 'metadata.yaml').exists() else file
                   for file in files]
         found += dict.fromkeys(inside) or [path]
@@ -40,7 +40,7 @@ def bags_in(paths: Sequence[str]) -> list[Path]:
 
 def replay_many(bags: Sequence[Path], options: Options, jobs: int, dask: str = ''
                 ) -> Iterator[Row]:
-    """Replay recordings, each into a folder of its own in `out`; a row of each, in order."""
+    """Replay recordings, each into a separate folder in `out`; yield a row of each, in order."""
     with _pool(jobs, dask) as pool:
         rows = [pool.submit(_one, str(bag), options) for bag in bags]
         for row in rows:
@@ -49,7 +49,7 @@ def replay_many(bags: Sequence[Path], options: Options, jobs: int, dask: str = '
 
 @contextmanager
 def _pool(jobs: int, dask: str) -> Iterator[Any]:
-    """Something with `submit`: threads that wait for processes here, or a cluster."""
+    """Yield an object with `submit`: threads that wait for local processes, or a cluster."""
     if not dask:
         with ThreadPoolExecutor(jobs) as pool:
             yield pool
@@ -64,13 +64,13 @@ def _pool(jobs: int, dask: str) -> Iterator[Any]:
 
 
 def _one(bag: str, options: Options) -> Row:
-    """Replay one in a process, unless that was done before."""
+    """Replay a recording in a process, unless this was done before."""
     folder = part = options.out and options.out / '_'.join(
         Path(bag).resolve().with_suffix('').parts[1:])
     if folder:
         if (folder / RESULT).exists():
             return Row(bag, json.loads((folder / RESULT).read_text())['status'], 'done before')
-        part = folder.with_name(f'{folder.name}.part')  # there may be that of an interrupted one
+        part = folder.with_name(f'{folder.name}.part')  # may be left by an interrupted replay
         rmtree(part, ignore_errors=True)
     ended = subprocess.run(
         [sys.executable, '-m', __name__, bag, json.dumps(

@@ -1,4 +1,4 @@
-"""One recording replayed: what is read, written, compared."""
+"""Replay of one recording: input, output and comparison."""
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
 import csv
@@ -28,14 +28,14 @@ from tactile_sensing.types.contact import REALS
 from tactile_servo.compile_kernels import compile_kernels
 
 QUIET = 1.0  # s without a progress bar
-MOST_FAULTS = 10  # that are told
-RESULT = 'result.json'  # in the folder that is written, once it is done
+MOST_FAULTS = 10  # faults that are printed
+RESULT = 'result.json'  # written to the output folder at the end
 _ERRORS = ('lateral_error', 'longitudinal_error', 'angle_error', 'normal_force', 'force_target',
            'speed', 'progress', 'limit_scale', 'manipulability')
 CYCLES = ('stamp_ns', 'steady', 'state', 'reason_code', *_ERRORS, 'window')
 _errors_of, _reals_of = attrgetter(*_ERRORS), attrgetter(*REALS)
 CONTACTS = ('stamp_ns', 'type', 'valid', 'force_valid', 'reasons', *REALS)
-# Topics that are made anew, by what makes them.
+# Topics that the replay computes, by the core that computes them.
 OF_IMAGES = ('contact', 'wrench')
 OF_SHAPE = ('surface_patch', 'contour', 'markers')
 OF_SERVO = ('sensor_pose', 'surface_contact', 'joint_trajectory', 'servo_status')
@@ -43,7 +43,7 @@ OF_SERVO = ('sensor_pose', 'surface_contact', 'joint_trajectory', 'servo_status'
 
 @dataclass(frozen=True)
 class Options:
-    """What a replay is asked for."""
+    """Options of a replay."""
 
     source: str = 'image'  # or contact
     changes: tuple[str, ...] = ()  # NODE.PARAM=VALUE
@@ -57,11 +57,11 @@ class Options:
 
 @dataclass
 class Result:
-    """What a replay has found."""
+    """Result of a replay."""
 
     bag: str
-    seconds: float = 0.0  # that the recording lasts
-    elapsed: float = 0.0  # that it took [s]
+    seconds: float = 0.0  # duration of the recording [s]
+    elapsed: float = 0.0  # duration of the replay [s]
     counts: dict[str, int] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)  # what is missing
     faults: list[str] = field(default_factory=list)  # why it cannot be read whole
@@ -70,15 +70,15 @@ class Result:
 
     @property
     def status(self) -> int:
-        """Exit status: 0 equal, or not compared, 1 differs, 2 cannot be read whole."""
+        """Exit status: 0 equal or not compared, 1 differs, 2 cannot be read completely."""
         return 2 if self.faults else int(self.equal is False)
 
 
 class Replay:
     """
-    One replay, from a bag to another, tables and a comparison.
+    One replay, from a bag to another bag, tables and a comparison.
 
-    ConfigurationError where nothing can be replayed, or an option is wrong.
+    Raises a ConfigurationError if nothing can be replayed, or an option is wrong.
     """
 
     def __init__(self, path: str | Path, options: Options, stack: ExitStack):
@@ -108,14 +108,14 @@ class Replay:
             self._open(options.out, stack)
         self.cores = Cores(self.bag, settings, self._emit, from_images, self._contact_row,
                            self._cycle_row, with_servo)
-        for node, values in settings.changed.items():  # in the recording that is written, too
+        for node, values in settings.changed.items():  # also in the written recording
             self._write('parameters', self.bag.span[0], packed(ParameterEvent(
                 node=f'{self._topics.prefix}/{node}', changed_parameters=[
                     Parameter(name, value=value).to_parameter_msg()
                     for name, value in values.items()])))
 
     def _open(self, folder: Path, stack: ExitStack) -> None:
-        """Begin a recording and tables in a new folder."""
+        """Open a recording and tables in a new folder."""
         try:
             folder.mkdir(parents=True)
         except OSError as error:
@@ -155,7 +155,7 @@ class Replay:
             self._comparison.take(1, name, unpacked(data, KINDS[name]), time_ns)
 
     def run(self, progress: Progress) -> None:
-        """Replay everything that can be read."""
+        """Replay all messages that can be read."""
         result, (begin_ns, end_ns) = self.result, self.bag.span
         result.seconds, begun, count = 1e-9 * (end_ns - begin_ns), time.perf_counter(), 0
         for bag, name, row in self._rows():
@@ -176,7 +176,7 @@ class Replay:
         self._judge()
 
     def _rows(self) -> Iterator[tuple[Bag, str, Recorded]]:
-        """What is replayed and what it is compared with, in the order of reception."""
+        """Yield the messages to replay and to compare with, in the order of reception."""
         wanted = {self.bag: self._topics.name.keys() - {
             topic for topic, name in self._topics.name.items() if name in self._made}}
         wanted[self._reference] = wanted.get(self._reference, set()) | {
@@ -186,7 +186,7 @@ class Replay:
                      key=lambda it: it[2].received_ns)
 
     def _readable(self, bag: Bag, wanted: Collection[str]) -> Iterator[tuple[Bag, str, Recorded]]:
-        """What can be read of a bag; why no more than that is a fault."""
+        """Yield the readable messages of a bag; if there are unreadable ones, record a fault."""
         try:
             for row in bag.messages(wanted, raw=True):
                 yield bag, self._topics.name[row.topic], row
@@ -205,7 +205,7 @@ class Replay:
 
 
 def replay_one(path: str | Path, options: Options, quiet: bool = False) -> Result:
-    """Replay a recording; ConfigurationError where nothing of it can be."""
+    """Replay a recording; ConfigurationError if nothing of it can be replayed."""
     with ExitStack() as stack:
         replay = Replay(path, options, stack)
         begin, end = replay.bag.span
@@ -222,7 +222,7 @@ def replay_one(path: str | Path, options: Options, quiet: bool = False) -> Resul
 
 
 def replay_and_tell(path: str | Path, options: Options) -> int:
-    """Replay a recording, say on the terminal what was found, and return the exit status."""
+    """Replay a recording, print the result on the terminal and return the exit status."""
     compile_kernels()
     result = replay_one(path, options)
     print(describe(result), file=sys.stderr)
@@ -230,7 +230,7 @@ def replay_and_tell(path: str | Path, options: Options) -> int:
 
 
 def _to_parquet(folder: Path) -> None:
-    """Write the tables of a folder as Parquet, too."""
+    """Also write the tables of a folder as Parquet."""
     from pyarrow import csv as tables
     from pyarrow import parquet
     for path in folder.glob('*.csv'):
@@ -238,7 +238,7 @@ def _to_parquet(folder: Path) -> None:
 
 
 def describe(result: Result) -> str:
-    """Text of a result for the terminal."""
+    """Return the text of a result for the terminal."""
     rate = result.seconds / max(result.elapsed, 1e-9)
     lines = [f'{result.bag}: {result.seconds:.1f} s in {result.elapsed:.1f} s, {rate:.1f} times '
              f'real time: {", ".join(f"{n} {name}" for name, n in sorted(result.counts.items()))}',

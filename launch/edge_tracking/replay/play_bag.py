@@ -1,10 +1,11 @@
 """
-Play a recording to a graph, with its time on /clock for nodes that `use_sim_time`.
+Play a recording to a graph, and its time on /clock for nodes with `use_sim_time`.
 
-Images, joint states and what the servo said go out as they were recorded. What the estimators
-make anew, and what would move a robot, goes out below `recorded`. Playing begins a second after
-somebody listens to the images, or to the contacts of a recording without images, and somebody
-publishes each topic of `--wait-for`; ~/pause (SetBool) stops the time and lets it go on.
+Images, joint states and the servo's messages are published as recorded. Topics that the
+estimators compute anew, or that would move a robot, are published below `recorded`. Playing
+begins one second after somebody subscribes to the images (or to the contacts, if there are no
+images) and somebody publishes each topic of `--wait-for`. ~/pause (SetBool) stops and continues
+the time.
 """
 import argparse
 from collections.abc import Collection
@@ -27,30 +28,30 @@ from tactile_common.ros.conversions import NS, set_stamp
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.runner import run, split_ros_args
 
-TICK = 0.002  # s between two looks at what is due
-LONGEST_TICK = 0.02  # s that the time goes on at once: a machine that is too slow plays slower
-SETTLE = 1.0  # s without a message at both ends, for nodes to hear, and to finish
-ASIDE = (*OF_SHAPE, 'joint_trajectory')  # and of images, where there are some
-UNSAID = ('parameters', 'servo_calls', 'diagnostics')  # of nodes that do not run
+TICK = 0.002  # s between two checks for messages that are due
+LONGEST_TICK = 0.02  # s, largest step of the time; a slow machine plays more slowly
+SETTLE = 1.0  # s without messages at both ends, so that nodes can connect, and finish
+ASIDE = (*OF_SHAPE, 'joint_trajectory')  # and OF_IMAGES, if there are images
+UNSAID = ('parameters', 'servo_calls', 'diagnostics')  # from nodes that do not run
 
 
 class Playback:
     """
-    Which messages of a bag are due; knows neither ROS nor a clock.
+    Determines which messages of a bag are due; uses neither ROS nor a clock.
 
-    The time stops for `SETTLE` before the first message and after the last: nodes finish what
-    they have before a loop sets the time back, or the player ends.
+    The time stops for `SETTLE` before the first message and after the last one. Nodes can then
+    finish before a loop sets the time back, or the player ends.
 
     Attributes
     ----------
     now_ns : int
-        Time of the recording that it is [ns].
+        Present time of the recording [ns].
     paused : bool
-        Whether the time is stopped.
+        True if the time is stopped.
     finished : bool
-        Whether all that can be read has been played.
+        True if all readable messages have been played.
     fault : str
-        Why no more can be read.
+        Why no more messages can be read.
     """
 
     def __init__(self, bag: Bag, topics: Collection[str], rate: float = 1.0, loop: bool = False,
@@ -72,7 +73,7 @@ class Playback:
             return None
 
     def advance(self, elapsed: float) -> list[Recorded]:
-        """Let so much real time [s] go by; returns the messages that are due by then."""
+        """Advance by an amount of real time [s]; return the messages that are due by then."""
         if self.paused or self.finished:
             return []
         if self._settling > 0.0:
@@ -93,7 +94,7 @@ class Playback:
 
 
 class PlayerNode(TactileNode):
-    """Publish the messages of a bag when they are due, see above; `playback` tells which."""
+    """Publishes the messages of a bag when they are due, see above; `playback` decides which."""
 
     def __init__(self, bag: Bag, names: RecordedTopics, rate: float = 1.0, loop: bool = False,
                  paused: bool = False, wait_for: Collection[str] = (), **kwargs: Any):
@@ -139,7 +140,7 @@ class PlayerNode(TactileNode):
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line; what follows --ros-args is not of it."""
+    """Return the command-line parser; it does not cover arguments after --ros-args."""
     arguments = Parser(prog='play_bag', description=(__doc__ or '').strip(),
                        formatter_class=argparse.RawDescriptionHelpFormatter)
     add = arguments.add_argument
@@ -155,7 +156,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Play; exit status 2 where the bag cannot be read whole."""
+    """Play; exit status 2 if the bag cannot be read completely."""
     given, ros = split_ros_args(sys.argv[1:] if args is None else args)
     with refusing('play_bag') as command:
         options = parser().parse_args(given)

@@ -1,4 +1,4 @@
-"""What happened in a run as charts that the page draws: data, and what they are called."""
+"""Charts of a run for the page: data and labels."""
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,8 +17,8 @@ from tactile_servo.types import State
 from tactile_shape.contour.outline import Outline
 from tactile_simulation.plot import BLUE, EDGE_COLOUR, GREY, INK, ORANGE
 
-MOST_POINTS = 4000  # of a line; of each group of others the least and the largest are shown
-LEAST_ERROR = 5e-3  # mm, to which an axis of errors is enlarged at most
+MOST_POINTS = 4000  # per line; longer ones show smallest and largest value of each group
+LEAST_ERROR = 5e-3  # mm, smallest range of an axis of errors
 SHADES = {
     State.APPROACH: '#eaf0f8', State.CORNER: '#fff4d6', State.SEARCH: '#fdebd3',
     State.RETREAT: '#dfe7ef', State.HOLD: '#fadcd9'}
@@ -26,13 +26,13 @@ TOUCH, TRUE = (ORANGE, '#c9a227'), (BLUE, '#6aa3d8')  # along x and y
 
 
 def line(name: str, x: Any, y: Any, colour: str, **style: Any) -> dict[str, Any]:
-    """Line over something that grows, with NaN for gaps; `style` is its width, or dots."""
+    """Return a line over increasing x, with NaN for gaps; `style` is its width, or dots."""
     x, y = extremes(np.asarray(x, float), np.asarray(y, float))
     return _series(name, x, y, colour, **style)
 
 
 def way(name: str, points: np.ndarray, colour: str, **style: Any) -> dict[str, Any]:
-    """Line through points (N, 2 or more), whatever their order."""
+    """Return a line through points (N, 2 or more) in any order."""
     x, y = points[thinned(len(points), MOST_POINTS), :2].T if len(points) else np.empty((2, 0))
     return _series(name, x, y, colour, **style)
 
@@ -42,7 +42,7 @@ def _series(name, x, y, colour, **style):
 
 
 def extremes(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of a long line the least and the largest of each group, so that no peak is lost."""
+    """Reduce a long line to the smallest and largest value of each group, which keeps peaks."""
     size = -(-2 * len(y) // MOST_POINTS)
     if size <= 2:
         return x, y
@@ -61,9 +61,9 @@ def chart(title: str, x: str, y: str, series: Sequence[Any], **more: Any) -> dic
     Parameters
     ----------
     title, x, y : str
-        What is shown, and what the axes are, with their units.
+        Title, and labels of the axes with their units.
     series : sequence
-        Of `line` and `way`.
+        Results of `line` and `way`.
     **more
         `bands` [begin, end, colour], `marks` [across, at, name, colour], `domain` of x, `range`
         of y, `equal` axes.
@@ -73,7 +73,11 @@ def chart(title: str, x: str, y: str, series: Sequence[Any], **more: Any) -> dic
 
 def over_time(run: RunData, summary: Mapping[str, Any], place: np.ndarray | None, real: Any
               ) -> list[dict[str, Any]]:
-    """Place of what is followed on the pad (N, 2) [m], by touch and true, and the force."""
+    """
+    Return charts of the contact's place on the pad, measured and true, and of the force.
+
+    `place` (N, 2) [m] is the true place.
+    """
     statuses = run.statuses
     time, (tracking, settled) = run.seconds(statuses.stamp_ns), settled_cycles(statuses)
     felt = np.column_stack([statuses.lateral_error, statuses.longitudinal_error])
@@ -105,7 +109,7 @@ def _states(run: RunData) -> list[list[Any]]:
 
 
 def _around(values: np.ndarray) -> list[float] | None:
-    """Range of an axis for errors [mm] that have settled."""
+    """Return the range of an axis for settled errors [mm]."""
     seen = np.abs(values[np.isfinite(values)])
     most = 1.3 * max(float(seen.max()), LEAST_ERROR) if seen.size else 0.0
     return [-most, most] if most else None
@@ -132,7 +136,7 @@ def _force(run: RunData, summary: Mapping[str, Any], real: Any, begin: list[Any]
 
 
 def latency(run: RunData, summary: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Histogram of the time from a picture's last byte to the command that used it."""
+    """Return a histogram of the time from an image's last byte to the command that used it."""
     values = 1e3 * latencies(run)[1]
     period = 1e3 / summary['sensor_rate'] if summary['sensor_rate'] > 0 else np.nan
     right = 1.1 * float(np.nanmax([period, np.percentile(values, 99.8)]))
@@ -147,7 +151,7 @@ def latency(run: RunData, summary: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def from_above(edge: np.ndarray, points: Any) -> np.ndarray:
-    """Horizontal coordinates [mm], `(N, 2)`, in which a line begins at 0 and runs along x."""
+    """Return horizontal coordinates [mm], `(N, 2)`, with the first edge from 0 along x."""
     along = edge[1, :2] - edge[0, :2]
     along = along / max(np.linalg.norm(along), 1e-12)
     across = np.array([-along[1], along[0]])
@@ -156,7 +160,7 @@ def from_above(edge: np.ndarray, points: Any) -> np.ndarray:
 
 
 def pad_outline(array: TactelArray, pose: np.ndarray) -> np.ndarray:
-    """Corners of a pad in the base frame [m], `(5, 3)`, the first once more at the end."""
+    """Return the corners of a pad in the base frame [m], `(5, 3)`; the last equals the first."""
     x, y = array.half_width_x, array.half_width_y
     corners = np.array([[-x, -y, 0, 1], [x, -y, 0, 1], [x, y, 0, 1], [-x, y, 0, 1],
                         [-x, -y, 0, 1]])
@@ -164,7 +168,7 @@ def pad_outline(array: TactelArray, pose: np.ndarray) -> np.ndarray:
 
 
 def path(run: RunData, scene: Any, real: Any) -> list[dict[str, Any]]:
-    """Path of the pad over the true edge, seen from above, with the pad at both ends."""
+    """Return the pad's path over the true edge, seen from above, with the pad at both ends."""
     edge, touching = scene.edge.points, np.flatnonzero(real.tracking)
     pads = [way('', from_above(edge, pad_outline(run.images.array, run.poses.matrix[index])), BLUE)
             for index in touching[[0, -1]]] if touching.size and run.images.array else []
@@ -174,7 +178,7 @@ def path(run: RunData, scene: Any, real: Any) -> list[dict[str, Any]]:
 
 
 def felt(run: RunData, scene: Any) -> list[dict[str, Any]]:
-    """Contacts on a surface from above, and how far they are from the true one."""
+    """Return the contacts on a surface from above, and their distance from the true surface."""
     points = run.touches.position
     off = scene.surface.distance(points) if len(points) else np.empty(0)
     return [
@@ -185,7 +189,7 @@ def felt(run: RunData, scene: Any) -> list[dict[str, Any]]:
 
 
 def outline(run: RunData, scene: Any, found: Outline) -> list[dict[str, Any]]:
-    """Outline rebuilt from touch; over the true edge, and how far it is from it, in a scene."""
+    """Return the rebuilt outline; in a scene also the true edge and the distance to it."""
     edge = scene.edge.points if scene else found.points
     contacts, rebuilt, corners = (from_above(edge, points.reshape(-1, 3)) for points in (
         run.contour, found.points, found.corners))
@@ -204,7 +208,7 @@ def outline(run: RunData, scene: Any, found: Outline) -> list[dict[str, Any]]:
 
 
 def curvatures(run: RunData) -> list[dict[str, Any]]:
-    """Principal curvatures along the way of the contact, where it could see them."""
+    """Return the principal curvatures along the contact's path, where it shows them."""
     along = 1e3 * arc_length(np.array([patch.origin for patch in run.patches]))
     bend = np.array([np.where(patch.seen, patch.curvature, np.nan) for patch in run.patches])
     return [chart('Curvature, where the path could see it', 'way [mm]', 'curvature [1/m]', [
@@ -213,7 +217,7 @@ def curvatures(run: RunData) -> list[dict[str, Any]]:
 
 
 def pressed(run: RunData, series: ForceSeries, found: Sequence[Press]) -> list[dict[str, Any]]:
-    """Force with its presses, and centre of pressure: over time, and on the array."""
+    """Return force with presses, and the centre of pressure over time and on the array."""
     scale, unit = force_unit(series.unit)
     time, centre = series.time, 1e3 * series.centre_of_pressure[loaded(series)]
     bands = [[float(time[begin]), float(time[min(end, len(time) - 1)]), SHADES[State.APPROACH]]
@@ -232,5 +236,5 @@ def pressed(run: RunData, series: ForceSeries, found: Sequence[Press]) -> list[d
 
 
 def loaded(series: ForceSeries) -> np.ndarray:
-    """Where the force is above a tenth of its largest value, `(N,)`."""
+    """Return where the force is above a tenth of its largest value, `(N,)`."""
     return series.force > 0.1 * np.nanmax(series.force, initial=0.0)

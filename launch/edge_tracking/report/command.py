@@ -1,4 +1,4 @@
-"""Command `report`: what recordings say, as one page that needs nothing else."""
+"""Command `report`: shows recordings as one self-contained page."""
 import argparse
 from pathlib import Path
 import sys
@@ -17,7 +17,7 @@ from tactile_simulation.world import Scene
 
 
 def page_file(text: str) -> Path:
-    """Type of an option: a page to write, in a folder that there is."""
+    """Convert the text of an option to the path of a page to write; its folder must exist."""
     path = Path(text)
     if path.suffix.lower() not in ('.html', '.htm'):
         raise argparse.ArgumentTypeError(f'{text}: must end in .html')
@@ -27,7 +27,7 @@ def page_file(text: str) -> Path:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line."""
+    """Return the command-line parser."""
     arguments = Parser(
         prog='report', formatter_class=Help, epilog=describe_scenes(),
         description='Writes what a rosbag2 recording holds as one HTML page: a player of images '
@@ -43,7 +43,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def read(path: str, scene: Scene | None = None, namespace: str | None = None) -> Shown:
-    """Read and summarise a recording; ConfigurationError if it holds nothing to show."""
+    """Read and summarise a recording; ConfigurationError if it contains nothing to show."""
     run = read_run(path, namespace, joints=scene is not None)
     if not any(len(table.stamp_ns) for table in (
             run.images, run.contacts, run.statuses, run.poses)):
@@ -55,7 +55,7 @@ def read(path: str, scene: Scene | None = None, namespace: str | None = None) ->
 
 
 def summary_of(run: RunData, scene: Scene | None, real: Any) -> dict[str, Any]:
-    """Summary of a servo's run or, where none ran, of what the sensor felt."""
+    """Return the summary of a servo's run or, without a servo, of the sensor's data."""
     if scene or is_of_servo(run):
         return summarise(run, scene, real, success=goal_was_met(run))
     return summarise_recording(run)

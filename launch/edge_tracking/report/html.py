@@ -1,4 +1,4 @@
-"""Recordings side by side as one HTML page, with its charts, tables and players."""
+"""HTML page of recordings side by side, with charts, tables and players."""
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -9,21 +9,21 @@ from tactile_simulation.metrics import shown
 
 
 class Table(NamedTuple):
-    """Rows of texts under their headings."""
+    """Rows of texts with headings."""
 
     head: tuple[str, ...]
     rows: list[tuple[str, ...]]
 
 
 class Player(NamedTuple):
-    """Data for the script, and which canvases it fills: image, way."""
+    """Data for the script, and the canvases that it fills: image, path."""
 
     data: dict[str, Any]
-    canvases: list[str]  # what each shows
+    canvases: list[str]  # description of each
 
 
 class Section(NamedTuple):
-    """A part of a column; the content is a table, a player or charts, see `charts.py`."""
+    """A part of a column; its content is a table, a player or charts, see `charts.py`."""
 
     heading: str
     content: Table | Player | list[dict[str, Any]]
@@ -31,14 +31,14 @@ class Section(NamedTuple):
 
 
 class Badge(NamedTuple):
-    """A word or two at the top; `kind` is 'bad', 'plain' or empty."""
+    """A short label at the top; `kind` is 'bad', 'plain' or empty."""
 
     text: str
     kind: str = ''
 
 
 class Column(NamedTuple):
-    """All that the page says of one recording."""
+    """All that the page shows of one recording."""
 
     title: str
     badges: list[Badge]
@@ -49,13 +49,13 @@ class Column(NamedTuple):
 
 
 def listed(summary: Mapping[str, Any], *keys: str) -> str:
-    """Text with what a summary knows of some metrics."""
+    """Return a text with the known values of some metrics of a summary."""
     return ', '.join(f'{name} {value} {unit}'.rstrip() for name, value, unit in shown(
         {key: summary.get(key) for key in keys}))
 
 
 def of_this_run(summary: Mapping[str, Any], *keys: str) -> str:
-    """Sentence with what a summary knows of the metrics of a section."""
+    """Return a sentence with the known values of the metrics of a section."""
     return f' This run: {listed(summary, *keys) or "none of its numbers is known"}.'
 
 
@@ -98,7 +98,7 @@ def _table(table: Table) -> str:
 
 
 def _figure(section: Section, data: dict[str, list[Any]]) -> str:
-    """HTML of a section, whose data for the scripts are added to those of the page."""
+    """Return the HTML of a section; its data for the scripts are added to `data`."""
     content = section.content
     if isinstance(content, Table):
         inner = _table(content)

@@ -1,4 +1,4 @@
-"""The report of recordings: one page, whose sections appear where the data are there."""
+"""Report of recordings: one page, whose sections depend on the available data."""
 from collections.abc import Iterator, Mapping
 from datetime import datetime, timezone
 import math
@@ -34,8 +34,8 @@ from tactile_common.command_line import version_of_all
 from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_simulation.metrics import busy, METRICS, percentile, rate, shown
 
-LEAST = 6e-3  # m that contacts of a surface spread over
-MOST_ROWS = 100  # of a table
+LEAST = 6e-3  # m, smallest extent of the contacts with a surface
+MOST_ROWS = 100  # rows of a table
 MOCKS = {'mock_sensor', 'mock_robot'}  # nodes of a simulation
 MOST_TEXT = 200  # characters of a value
 _PLAIN = re.compile('[{}":]')
@@ -43,7 +43,7 @@ WHAT = {'track_edge': 'Edge', 'track_surface': 'Surface'}
 
 
 class Shown(NamedTuple):
-    """A recording, its summary, and the scene and truth where they are known."""
+    """A recording with its summary, and scene and truth if they are known."""
 
     name: str
     run: RunData
@@ -53,7 +53,7 @@ class Shown(NamedTuple):
 
 
 def make_report(path: str | Path, *recordings: Shown) -> None:
-    """Write what recordings say, side by side, as HTML."""
+    """Write the report of recordings, side by side, as HTML."""
     write_page(path, [_column(it, len(recordings)) for it in recordings])
 
 
@@ -84,7 +84,7 @@ def _origin(it: Shown) -> str:
 
 
 def _about(it: Shown) -> list[tuple[str, ...]]:
-    """Rows of what is known of a recording beside its numbers."""
+    """Return rows with information about a recording in addition to its numbers."""
     run, summary = it.run, it.summary
     when = datetime.fromtimestamp(1e-9 * run.start_ns, timezone.utc)
     rows: list[tuple[str, ...]] = [
@@ -107,7 +107,7 @@ def _about(it: Shown) -> list[tuple[str, ...]]:
 
 
 def _settings(run: RunData, law: str) -> list[tuple[str, ...]]:
-    """Rows of what the nodes ran with, and which of their parameters are not the defaults."""
+    """Return rows with commands, versions and non-default parameters of the nodes."""
     rows: list[tuple[str, ...]] = []
     sender = {node: known for node, known in run.parameters.items() if node == 'track'}
     for name, nodes in (('command', sender or run.parameters), ('versions', run.parameters)):
@@ -129,7 +129,7 @@ def _short(text: str) -> str:
 
 
 def _lead(summary: Mapping[str, Any]) -> str:
-    """Sentences about how well a path was followed, and what was felt."""
+    """Return sentences about how well a path was followed, and what was felt."""
     text = ''
     if math.isfinite(summary.get('lateral_rms', math.nan)):
         text += (f" The pad's centre stayed within {1e3 * summary['lateral_max']:.3f} mm of the "
@@ -193,11 +193,15 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
 
 
 def place_on_pad(run: RunData, scene: Any, real: Any) -> np.ndarray:
-    """True place of what is followed on the pad, along x and y (N, 2) [m], NaN where unknown."""
+    """
+    Return the true place on the pad of the tracked edge or surface (N, 2) [m].
+
+    The columns are x and y; NaN means unknown.
+    """
     if scene.action == 'track_surface':
         return real.place
     along = np.einsum('ij,ij->i', run.poses.matrix[:, :3, 1], scene.edge.tangent_at(real.along))
-    left = 1.0 if along[real.tracking].sum() >= 0.0 else -1.0  # where the sensor's x points to
+    left = 1.0 if along[real.tracking].sum() >= 0.0 else -1.0  # side of the sensor's x
     lateral = np.where(real.tracking, -left * real.lateral, np.nan)
     return np.column_stack([lateral, np.full_like(lateral, np.nan)])
 
@@ -259,7 +263,7 @@ def _shape(it: Shown) -> Iterator[Section]:
             'This run: ' + ', '.join(filter(None, (
                 f'{len(found.sides)} sides ({sides})', f'{len(found.corners)} corners',
                 listed(it.summary, 'contour_max_error', 'contour_area_error')))) + '.')
-    # Of an edge that was touched for the first time a few contacts may look like a surface.
+    # At first contact with an edge, a few contacts may look like a surface.
     if len(run.patches) and np.ptp([patch.origin for patch in run.patches], axis=0).max() > LEAST:
         yield Section('Surface', charts.curvatures(run),
                       'Where a surface was touched: principal curvatures by the shape estimator, '

@@ -1,4 +1,4 @@
-"""A run in a scene as pictures: its way, and the pad on it beside what it feels."""
+"""Pictures of a run in a scene: the pad's path, and the pad with its tactile image."""
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ ESTIMATE_COLOUR = '#10a4b8'  # on pressures
 
 
 def picture(run: RunData, scene: Any, real: Any, path: str | PathLike) -> None:
-    """Save the main picture of a run as PNG: the way over an edge, the contacts on a surface."""
+    """Save the main picture of a run as PNG: path over an edge, or contacts on a surface."""
     figure = new_figure(10.0, 4.2)
     if scene.action == 'track_surface':
         above, side = figure.subplots(1, 2)
@@ -52,7 +52,7 @@ def animate(run: RunData, scene: EdgeScene, path: str | PathLike) -> None:
     """
     Write a run along the edge of a scene as an animated GIF.
 
-    ConfigurationError if the run has no pictures with poses, or the file cannot be written.
+    Raises a ConfigurationError if the run has no images with poses, or the file cannot be written.
     """
     chosen = _chosen(run)
     figure = new_figure(10.0, 4.4)
@@ -63,7 +63,7 @@ def animate(run: RunData, scene: EdgeScene, path: str | PathLike) -> None:
     for index in chosen:
         update(index)
         figure.canvas.draw()
-        figure.set_layout_engine('none')  # as it is after the first
+        figure.set_layout_engine('none')  # keep the layout of the first frame
         frames.append(Image.fromarray(np.asarray(figure.canvas.buffer_rgba())[..., :3]))
     palette = frames[len(frames) // 2].quantize(COLOURS, dither=Image.Dither.NONE)
     first, *others = [frame.quantize(palette=palette, dither=Image.Dither.NONE)
@@ -76,7 +76,7 @@ def animate(run: RunData, scene: EdgeScene, path: str | PathLike) -> None:
 
 
 def _chosen(run):
-    """Indices of the pictures that are shown: from the first motion on, where poses are known."""
+    """Return the indices of the images to show: from the first motion on, with known pose."""
     stamps, known = run.images.stamp_ns, run.poses.stamp_ns
     if run.images.array is None or not len(stamps) or not len(known):
         raise ConfigurationError('the recording has no pictures with poses: nothing to animate')
@@ -88,12 +88,12 @@ def _chosen(run):
 
 
 def _nearest(stamps, stamp):
-    """Index of the last of the stamps that is not behind one; 0 if there is none."""
+    """Return the index of the last stamp that is not after `stamp`; 0 if there is none."""
     return max(int(np.searchsorted(stamps, stamp, side='right')) - 1, 0)
 
 
 def _draw(plan, felt, run, scene, chosen):
-    """Draw what stays; returns what draws the picture of an index."""
+    """Draw the static parts; return the function that draws the image with an index."""
     array, poses, contacts = run.images.array, run.poses, run.contacts
     x, y = array.half_width_x, array.half_width_y
     edge = scene.edge.points

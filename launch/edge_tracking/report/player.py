@@ -1,4 +1,4 @@
-"""A run as data for the page's player: images, contacts, way and states over time."""
+"""Data of a run for the page's player: images, contacts, path and states over time."""
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -9,13 +9,13 @@ from edge_tracking.recording.run import RunData
 from edge_tracking.web.page import levels, packed
 from tactile_servo.types import State
 
-MAX_BYTES = 1_500_000  # of the images in a page; others are left out
+MAX_BYTES = 1_500_000  # of the images in a page; others are omitted
 MAX_RATE = 60.0  # images per second
-MAX_POINTS = 5000  # of a way
+MAX_POINTS = 5000  # of a path
 
 
 class Stage(NamedTuple):
-    """A time during which the servo told the same."""
+    """A time during which the servo's state and reason did not change."""
 
     begin: int  # stamps [ns]
     end: int
@@ -24,7 +24,7 @@ class Stage(NamedTuple):
 
 
 def stages(run: RunData) -> list[Stage]:
-    """What the servo told, one after the other."""
+    """Return the states and reasons of the servo in sequence."""
     stamps, state, reason = run.statuses.stamp_ns, run.statuses.state, run.statuses.reason
     if not len(stamps):
         return []
@@ -35,12 +35,12 @@ def stages(run: RunData) -> list[Stage]:
 
 
 def thinned(count: int, most: int) -> np.ndarray:
-    """Indices of at most so many of a series, evenly."""
+    """Return at most `most` evenly spaced indices of a series."""
     return np.unique(np.linspace(0, max(count - 1, 0), min(count, most)).round().astype(int))
 
 
 def chosen(run: RunData, pages: int = 1) -> np.ndarray:
-    """Stamps [ns] that a player shows, those of images where there are any."""
+    """Return the stamps [ns] that a player shows; those of images if there are any."""
     images, stamps = run.images, run.images.stamp_ns
     if not len(stamps):
         return run.poses.stamp_ns[thinned(len(run.poses.stamp_ns), MAX_POINTS)]
@@ -51,18 +51,18 @@ def chosen(run: RunData, pages: int = 1) -> np.ndarray:
 
 
 def _newest(known: np.ndarray, stamps: np.ndarray) -> np.ndarray:
-    """Index of the newest known at each stamp, -1 before the first."""
+    """Return the index of the newest known value at each stamp, -1 before the first."""
     return np.searchsorted(known, stamps, side='right') - 1
 
 
 def _at(known: np.ndarray, values: np.ndarray, stamps: np.ndarray) -> np.ndarray:
-    """Newest values at stamps, NaN before the first."""
+    """Return the newest values at stamps, NaN before the first."""
     return np.concatenate([values, np.full((1, *values.shape[1:]), np.nan)])[
         _newest(known, stamps)]
 
 
 def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
-    """Return what the script `player.js` plays of a run at some stamps [ns], for JSON."""
+    """Return the data of a run at some stamps [ns] for the script `player.js`, as JSON types."""
     images, contacts, told = run.images, run.contacts, stages(run)
     array, series = images.array, force_series(run)
     frames = images.frames[_newest(images.stamp_ns, stamps)] if array else images.frames[:0]

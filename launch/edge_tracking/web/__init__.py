@@ -1,1 +1,1 @@
-"""Pages of report and live view: what they share, and their scripts."""
+"""Shared parts of the pages of report and live view, and their scripts."""

@@ -1,4 +1,4 @@
-"""A web page in one file: it loads nothing, and its policy forbids to."""
+"""Self-contained web page; its content security policy forbids loading anything."""
 from base64 import b64encode
 from hashlib import sha256
 from html import escape
@@ -8,36 +8,36 @@ from typing import Any
 
 import numpy as np
 
-# Pressure, from none to the most; levels of a byte but the last, which is an invalid tactel.
+# Colours from zero to the largest pressure, for levels 0 to 254; 255 is an invalid tactel.
 COLOURS = ((251, 252, 191), (254, 194, 134), (251, 134, 96), (229, 80, 99), (181, 54, 121),
            (129, 37, 129), (79, 17, 123), (27, 16, 68), (0, 0, 3))
 INVALID = 255
 
 
 def levels(pressure: np.ndarray, top: float) -> np.ndarray:
-    """Pressures as bytes: 0 to 254 from 0 to the top, `INVALID` where there is none."""
+    """Convert pressures to bytes: 0 to 254 from 0 to the top, `INVALID` for NaN."""
     shades = np.clip(pressure * (254.0 / max(top, 1e-30)), 0.0, 254.0)
     missing = np.isnan(shades)
     return np.where(missing, INVALID, np.rint(np.where(missing, 0.0, shades))).astype(np.uint8)
 
 
 def packed(values: Any, dtype: str) -> str:
-    """Return an array as text, little-endian."""
+    """Return an array as text: base64 of little-endian values."""
     return b64encode(np.ascontiguousarray(values, dtype).tobytes()).decode('ascii')
 
 
 def make_page(title: str, body: str, data: Any, scripts: tuple[str, ...], *, kind: str = '',
               connect: str = "'none'") -> str:
     """
-    Return a page.
+    Return the HTML of a page.
 
     Parameters
     ----------
     title : str
     body : str
-        HTML in which what comes from outside is escaped.
+        HTML in which all external text is escaped.
     data : Any
-        What the scripts read as `page`, beside the colours; JSON.
+        JSON data that the scripts read as `page`, in addition to the colours.
     scripts : tuple of str
         Names of the scripts of this package.
     kind : str

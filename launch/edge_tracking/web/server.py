@@ -1,4 +1,4 @@
-"""One read-only page, and a stream of events for it, on a port of this machine."""
+"""Server of one read-only page and its stream of events, on a port of this machine."""
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http import HTTPStatus
@@ -11,27 +11,27 @@ from urllib.parse import parse_qs, urlsplit
 
 from tactile_common.errors import ConfigurationError
 
-MOST = 8  # clients at a time
-KEEP_ALIVE = 1.0  # s, after which a client that is gone is noticed
+MOST = 8  # simultaneous clients
+KEEP_ALIVE = 1.0  # s, after which a disconnected client is noticed
 HEADERS = {'X-Content-Type-Options': 'nosniff', 'Referrer-Policy': 'no-referrer',
            'Cache-Control': 'no-store', 'X-Frame-Options': 'DENY'}
 
 
 class Feed:
-    """The newest word for all clients; who is slow misses those between."""
+    """The newest message for all clients; slow clients miss some."""
 
     def __init__(self) -> None:
         self.clients = 0
         self._text, self._number, self._changed = '', 0, threading.Condition()
 
     def put(self, text: str) -> None:
-        """Give all clients a new word."""
+        """Send a new message to all clients."""
         with self._changed:
             self._text, self._number = text, self._number + 1
             self._changed.notify_all()
 
     def words(self) -> Iterator[str]:
-        """Yield words as they come, an empty one where none comes."""
+        """Yield messages as they arrive, and an empty one after each timeout."""
         seen = self._number
         while True:
             with self._changed:
@@ -42,7 +42,7 @@ class Feed:
 
     @contextmanager
     def client(self) -> Iterator[bool]:
-        """Count a client; gives whether there is room for it."""
+        """Count a client; yield True if there is room for it."""
         with self._changed:
             room = self.clients < MOST
             self.clients += room
@@ -54,7 +54,7 @@ class Feed:
 
 
 def is_local(host: str) -> bool:
-    """Whether only this machine reaches an address."""
+    """Return True if only this machine reaches an address."""
     try:
         return host == 'localhost' or ip_address(host).is_loopback
     except ValueError:
@@ -62,7 +62,7 @@ def is_local(host: str) -> bool:
 
 
 class Server(ThreadingHTTPServer):
-    """Serves a page and its `feed`; ConfigurationError where the port cannot be had."""
+    """Serves a page and its `feed`; ConfigurationError if the port is not available."""
 
     daemon_threads = True
 
@@ -110,7 +110,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(HTTPStatus.NOT_FOUND)
 
     def _allowed(self, query: str) -> bool:
-        """By the token; on this machine by the name, which a page from elsewhere cannot have."""
+        """Check the token or, on this machine, the host name, which other sites cannot forge."""
         if self.server.token:
             token = parse_qs(query).get('token', [''])[0]
             return secrets.compare_digest(token.encode(), self.server.token.encode())
@@ -132,4 +132,4 @@ class _Handler(BaseHTTPRequestHandler):
             pass  # the client is gone
 
     def log_message(self, *_: object) -> None:
-        """Say nothing of requests."""
+        """Do not log requests."""
