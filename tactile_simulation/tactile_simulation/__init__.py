@@ -1,7 +1,7 @@
 """
-The simulated world: scenes, rendered tactile images, mock sensor and robot, closed loop.
+Simulated world: scenes, rendered tactile images, mock sensor and robot, closed loop.
 
-A pad follows the shipped course (a corner and an arc) with a gantry:
+A pad on a gantry follows the installed course, with a corner and an arc:
 
 >>> from tactile_simulation import load_scene, Simulation
 >>> from tactile_servo import EdgeGoal

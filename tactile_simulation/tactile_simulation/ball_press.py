@@ -1,4 +1,4 @@
-"""A ball pressed on the sensor of a scene: what one records of a real array to calibrate it."""
+"""A ball pressed on the sensor of a scene: simulated recordings for a calibration."""
 
 import numpy as np
 
@@ -14,16 +14,17 @@ MODULUS = 4e5  # Pa, Young's, of a soft skin
 
 class BallPress:
     """
-    A ball pressed on the sensor of a scene, straight, at random places.
+    Presses a ball perpendicularly on the sensor of a scene, at random places.
 
-    Radius [m], force [N], and Young's modulus of the skin [Pa], which tell the patch of contact
-    (Hertz); ConfigurationError where that is too wide for a ball, or for the model of a patch.
+    `radius` [m], `force` [N] and `modulus`, Young's modulus of the skin [Pa], determine the
+    contact patch (Hertz). Raises a ConfigurationError if the patch is too wide for the ball, or
+    for the model of a patch.
     """
 
     def __init__(self, scene: Scene, radius: float, force: float, modulus: float, seed: int):
         skin, sensor = scene.skin, scene.sensor
         self._array, self._force = sensor.array, force
-        # Hertz; a skin on a backing gives way less, but the patch hardly feels it.
+        # Hertz; a skin on a backing deforms less, but this hardly changes the patch.
         effective = modulus / (1.0 - skin.poisson**2)
         self._patch = (0.75 * force * radius / effective) ** (1.0 / 3.0)
         if not 0.0 < self._patch < min(radius, 1.5 * skin.depth):
@@ -39,7 +40,8 @@ class BallPress:
         """
         Return the last KEPT frames of each press, (presses * KEPT, rows, columns).
 
-        Nothing touches for 2 s, then the ball for 0.5 s, 1.6 pitches from the border or farther.
+        The pad is free for 2 s, then the ball presses for 0.5 s, at least 1.6 pitches from the
+        border.
         """
         array = self._array
         reach = (np.array([array.size_x, array.size_y]) / 2.0
@@ -52,7 +54,7 @@ class BallPress:
         return np.array(pictures)
 
     def unloaded(self, count: int) -> np.ndarray:
-        """Return frames (count, rows, columns) with nothing on the pad."""
+        """Return frames (count, rows, columns) of the unloaded pad."""
         nothing = np.zeros(self._array.shape)
         return np.array([self._lasting(nothing, PERIOD)[-1] for _ in range(count)])
 

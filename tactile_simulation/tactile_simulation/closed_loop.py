@@ -1,4 +1,4 @@
-"""The whole loop without ROS: scene, sensor, estimator, servo and robot on one clock."""
+"""Closed loop without ROS: scene, sensor, estimator, servo and robot on one clock."""
 from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass
@@ -31,67 +31,67 @@ from tactile_simulation.world import Course, Truth
 STEP = 2.5e-3  # s; control at 400 Hz
 PICTURE_EVERY = 2  # steps; sensing at 200 Hz
 ROBOT_STEP, ROBOT_PHASE = 2.0e-3, 0.25e-3  # s; joint states and the robot's controller at 500 Hz
-TRANSPORT = 0.5e-3  # s; from a control cycle to the robot's controller, where nothing is late
+TRANSPORT = 0.5e-3  # s; from a control cycle to the robot's controller, without faults
 TARE_FRAMES = 100
-WEIGHT = np.array([0.3, -0.2, 4.0])  # N, of the tool
+WEIGHT = np.array([0.3, -0.2, 4.0])  # N, weight of the tool
 
 
 @dataclass(frozen=True, eq=False)
 class Cycle:
-    """One control cycle, and the truth beside it."""
+    """One control cycle with the truth at its time."""
 
     time: float  # s
     status: object
-    pose: np.ndarray  # of the sensor, measured and true
+    pose: np.ndarray  # of the sensor; the measured pose is the true one
     force: float  # on the pad [N]
     shift: np.ndarray  # of the object, which may have slipped [m]
 
 
 class Simulation:
     """
-    A servo that follows what the world of a scene shows, and what was touched, on one clock.
+    A servo that follows the edge or surface of a scene, and a model of what it touched.
 
     Parameters
     ----------
     scene : Scene
     law : str, optional
         Name of the servo law, by default that of the scene's action; `settings` is its
-        configuration, `config` that of the supervisor.
+        configuration, `config` is the configuration of the supervisor.
     seed : int
-        Of the sensor's noise.
+        Seed of the sensor's noise.
     latency : float, optional
-        From the instant that an image shows to its arrival [s]; default as the scene says.
+        From the instant that an image shows to its arrival [s]; default: the scene's.
     robot : tuple of (RobotModel, JointLimits), optional
-        Default a gantry with the acceleration of the scene's plant.
+        Default: a gantry with the acceleration of the scene's plant.
     seed_positions : array_like (n,), optional
-        Where the search for the joint positions of the start pose begins; default zeros for
-        the gantry, else see `RobotModel.inverse`.
+        Joint positions where the search for the start pose begins; default: zeros for the
+        gantry, otherwise see `RobotModel.inverse`.
     workspace : WorkspaceBox, optional
-        That the sensor stays in.
+        Box that the sensor does not leave.
     estimator : EstimatorConfig, optional
-        Default as the scene's probe asks for.
+        Default: as required by the scene's probe.
     clock : callable, optional
-        Returns seconds; the servo's own computation is then measured with it.
+        Returns seconds; if given, the servo's computation time is measured with it.
     faults : sequence of Fault
-        What goes wrong while a goal is worked on.
+        Faults during a goal.
     wrist : bool
-        Whether the robot has a force sensor at its wrist, with 4 N of the tool on it.
+        True if the robot has a force sensor at its wrist, which also measures 4 N of the tool.
 
     Attributes
     ----------
     world : World
-        What is touched.
+        The touched world.
     now : float
         Time; begins at 1 [s].
     pose : ndarray, shape (4, 4)
-        Where the sensor is.
+        Pose of the sensor.
     transport : float
-        From a control cycle to the robot's controller [s].
+        Delay from a control cycle to the robot's controller [s].
     log : list of Cycle
     commands : list of (float, ndarray)
         Time [s] and joint positions (n,) of every command of the robot's controller.
     cycle_costs, picture_costs : list of float
-        Computation of every control cycle and image [s], if there is a clock.
+        Computation time of every control cycle and image [s], if there is a clock.
     """
 
     control_rate = 1.0 / STEP  # Hz
@@ -130,7 +130,7 @@ class Simulation:
         self.sensor_alive = self.robot_alive = True
         self.wrist = wrist
         self._faults, self._spoiler = faults, FaultySensor(faults, scene.sensor)
-        self._began = math.inf  # the first goal, at this time [s]
+        self._began = math.inf  # start of the first goal [s]
         self.transport = TRANSPORT
         self.log, self.commands = [], []
         self._clock = clock or (lambda: 0.0)
@@ -143,7 +143,7 @@ class Simulation:
         return calibration.converter(tare), calibration.sensor_info('pad', '', 0, tare)
 
     def picture(self, pose):
-        """Take a picture at a pose: TactileImage."""
+        """Return the TactileImage at a pose."""
         counts = self.world.counts(pose, self.rng, self.now)
         if self._faults:
             counts = self._spoiler.report(counts, self.now - self._began)
@@ -189,14 +189,14 @@ class Simulation:
             self.shape.take(contact)
 
     def outline(self) -> Outline | None:
-        """Outline of what was touched until now; None where there is too little."""
+        """Return the outline of the contacts until now; None if there are too few."""
         self.shape.lose()
         with suppress(TactileError):
             return find_outline(self.shape.model.contour)
         return None
 
     def _run_robot(self):
-        """Run the robot's controller, and hear of its joint states, until now."""
+        """Run the robot's controller until now, and pass its joint states to the servo."""
         while (now := 1.0 + ROBOT_PHASE + len(self.commands) * ROBOT_STEP) <= self.now:
             while self._windows and self._windows[0][0] <= now:
                 with suppress(Late):
@@ -204,16 +204,16 @@ class Simulation:
             positions, _ = self.robot.step(now)
             self.commands.append((now, self.robot.commanded[0]))
             if self.robot_alive:
-                with suppress(ValueError):  # a robot that leaps is not believed at once
+                with suppress(ValueError):  # the servo refuses a jump of the joint states at first
                     self.servo.see_joints(positions, round(now * 1e9), now)
                 self.servo.see_reference(
                     self.robot.commanded[0], round((now + ROBOT_STEP) * 1e9))
 
     def run(self, goal, seconds, until=None):
         """
-        Start a goal, if one is given, and step until it ends; returns the last status.
+        Start a goal, if given, and step until it ends; return the last status.
 
-        It ends after so many simulated seconds as well, or when `until(status)` is true.
+        The run also ends after `seconds` of simulated time, or when `until(status)` is True.
         """
         if goal is not None:
             while not (self.servo.inputs.joints and self.servo.inputs.contact):
@@ -227,12 +227,12 @@ class Simulation:
                 return status
 
     def accelerations(self) -> np.ndarray:
-        """Accelerations (K, n) of the commands of the robot's controller [rad/s^2]."""
+        """Return the accelerations (K, n) of the commands of the robot's controller [rad/s^2]."""
         times, positions = zip(*self.commands, strict=True)
         return accelerations(np.array(times), np.array(positions))
 
     def truth(self) -> Truth:
-        """Where the pad really was at every cycle, beside what the scene has there."""
+        """Return the true course of the pad at every cycle, compared with the scene."""
         time, force, progress = np.array([
             (cycle.time, cycle.force, cycle.status.progress) for cycle in self.log]).T
         tracking = np.isin([cycle.status.state for cycle in self.log], ON_TRACK)
@@ -242,7 +242,7 @@ class Simulation:
             tracking & (progress >= SETTLING_LENGTH)))
 
     def felt(self) -> np.ndarray:
-        """Contacts (N, 3) on a surface, or the vertices of an edge's outline [m]."""
+        """Return the contacts (N, 3) with a surface, or the vertices of an edge's outline [m]."""
         if LAWS[self.servo.law.name].maps_surface:
             felt = self.servo.result().contour
         else:
@@ -252,10 +252,10 @@ class Simulation:
 
     def summary(self, goal, elapsed: float = NAN) -> dict[str, Any]:
         """
-        Numbers of the run of a goal, with the keys and SI units of every command.
+        Return the summary of a goal's run, with the keys and SI units of all commands.
 
-        `elapsed` is the real time that it took [s]; `ok` only if the goal was met, also by the
-        truth of the scene.
+        `elapsed` is the real computation time [s]. `ok` is True only if the servo met the goal and
+        the truth of the scene confirms it.
         """
         truth, servo = self.truth(), self.servo
         duration = float(np.ptp(truth.time))

@@ -1,4 +1,4 @@
-"""Every kernel of this package called once, for the step after a build that compiles them."""
+"""Calls every kernel of this package once, to compile them after a build."""
 from dataclasses import replace
 
 import numpy as np

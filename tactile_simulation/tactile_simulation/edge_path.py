@@ -8,7 +8,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.kernels import njit
 from tactile_common.polyline import arc_length, nearest_on_polyline, resample
 
-# An edge whose ends are nearer than this is a contour [m].
+# An edge whose ends are closer than this is a closed contour [m].
 CLOSED_WITHIN = 1e-6
 
 
@@ -16,8 +16,8 @@ CLOSED_WITHIN = 1e-6
 class EdgePath:
     """Edge of a rigid object, as a polyline in the base frame with its direction of travel."""
 
-    points: np.ndarray  # vertices (N >= 2, 3), no two successive ones at one place [m]
-    solid: np.ndarray | None = None  # (N - 1,): is there material along each chord; None: all
+    points: np.ndarray  # vertices (N >= 2, 3), successive ones are different [m]
+    solid: np.ndarray | None = None  # (N - 1,): True if a chord has material; None: all
 
     def __post_init__(self):
         points = np.array(self.points, dtype=float)
@@ -35,12 +35,12 @@ class EdgePath:
 
     @cached_property
     def closed(self) -> bool:
-        """Whether the edge ends where it begins."""
+        """True if the edge ends where it begins."""
         return bool(np.linalg.norm(self.points[-1] - self.points[0]) < CLOSED_WITHIN)
 
     @cached_property
     def arclength(self) -> np.ndarray:
-        """Length of the way from the first point to each point [m], shape `(N,)`."""
+        """Arc length from the first point to each point [m], shape `(N,)`."""
         return arc_length(self.points)
 
     @property
@@ -49,11 +49,11 @@ class EdgePath:
         return float(self.arclength[-1])
 
     def point_at(self, s) -> np.ndarray:
-        """Points `s.shape + (3,)` at arc lengths [m], held between the ends of the edge [m]."""
+        """Return points `s.shape + (3,)` [m] at arc lengths [m], clipped to the edge's ends."""
         return resample(self.points, self.arclength, np.ravel(s)).reshape(*np.shape(s), 3)
 
     def tangent_at(self, s) -> np.ndarray:
-        """Unit directions `s.shape + (3,)` at arc lengths [m]; at a corner, of the next chord."""
+        """Return unit directions `s.shape + (3,)` at arc lengths [m]; at a corner the next one."""
         index = np.searchsorted(self.arclength[1:-1], s, side='right')
         chord = self.points[index + 1] - self.points[index]
         return chord / np.linalg.norm(chord, axis=-1, keepdims=True)
@@ -71,7 +71,7 @@ class EdgePath:
         return _nearest(np.atleast_2d(np.asarray(points, float)), self.points, self.arclength)
 
     def beside(self, s: np.ndarray) -> np.ndarray:
-        """Whether what is nearest to the arc lengths `s` (M,) is not beyond an open end."""
+        """Return which arc lengths `s` (M,) of nearest points are not at an open end."""
         return self.closed | ((s > 0.0) & (s < self.length))
 
 

@@ -1,4 +1,4 @@
-"""Shapes of edges: walks of straights, corners and arcs, polygons with fillets."""
+"""Shapes of edges: paths of straights, corners and arcs, and polygons with fillets."""
 import math
 
 import numpy as np
@@ -8,20 +8,20 @@ from tactile_common.geometry import wrap_angle
 from tactile_common.polyline import arc_length, resample
 from tactile_simulation.edge_path import CLOSED_WITHIN, EdgePath
 
-# Longest chord of an arc [m]; at a radius of 60 mm it leaves the circle by 0.13 um.
+# Longest chord of an arc [m]; at a radius of 60 mm its error is 0.13 um.
 ARC_STEP = 0.25e-3
-STEP = 1e-8  # m of the plan over which a step rises
+STEP = 1e-8  # m, horizontal length of a step
 
 
 class Turtle:
-    """Walks in a horizontal plane and remembers its vertices."""
+    """Walks in a horizontal plane and stores its vertices."""
 
     def __init__(self, start, heading: float):
         self.points = [np.array(start, dtype=float)]
         self.heading = heading
 
     def straight(self, length: float) -> None:
-        """Walk ahead [m]."""
+        """Walk straight ahead [m]."""
         self._step(length, self.heading)
 
     def turn(self, angle: float) -> None:
@@ -29,7 +29,7 @@ class Turtle:
         self.heading += angle
 
     def arc(self, radius: float, angle: float) -> None:
-        """Walk along a circle [m], to the left if the angle is positive [rad]."""
+        """Walk along a circle of a radius [m], to the left if the angle is positive [rad]."""
         count = math.ceil(radius * abs(angle) / ARC_STEP)
         for step in [angle / max(count, 1)] * count:
             self._step(2.0 * radius * math.sin(0.5 * abs(step)), self.heading + 0.5 * step)
@@ -42,22 +42,22 @@ class Turtle:
 
 def polygon(points, radius: float, closed: bool) -> np.ndarray:
     """
-    Vertices (M, 2) of straight sides with a fillet at every corner [m].
+    Return vertices (M, 2) of straight sides with a fillet at every corner [m].
 
     Parameters
     ----------
     points : array_like, shape (N, 2)
         Corners before rounding [m].
     radius : float
-        Of the fillets [m]; 0 leaves the corners sharp.
+        Radius of the fillets [m]; 0 leaves the corners sharp.
     closed : bool
-        Whether a side leads from the last corner to the first; the last vertex then equals the
-        first.
+        True if a side connects the last corner with the first; the last vertex then equals the
+        first one.
 
     Raises
     ------
     ConfigurationError
-        A side is too short for its fillets, or two sides lie on one another.
+        A side is too short for its fillets, or two sides coincide.
     """
     corners = np.asarray(points, dtype=float)
     if closed:  # begins in the middle of a side, so that no corner is at the seam
@@ -90,7 +90,7 @@ def polygon(points, radius: float, closed: bool) -> np.ndarray:
 def lifted(plan: np.ndarray, base_z: float, *, height=None,
            wave: tuple[float, float] | None = None, gaps=()) -> EdgePath:
     """
-    Edge in space above its plan.
+    Return the edge in space above its plan.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def lifted(plan: np.ndarray, base_z: float, *, height=None,
     base_z : float
         Height of the plan in the base frame [m].
     height : array_like, shape (K, 2), optional
-        Distance along the plan and height above it; two rows of one distance are a step [m].
+        Distance along the plan and height above it; two rows with equal distance are a step [m].
     wave : tuple of two floats, optional
         Height from trough to crest and length of a sinusoidal wave [m].
     gaps : sequence of pairs
@@ -123,7 +123,7 @@ def lifted(plan: np.ndarray, base_z: float, *, height=None,
     if height is not None:
         z += np.interp(s, *height.T)
     middle = 0.5 * (s[1:] + s[:-1])
-    solid = np.diff(s) > 2.0 * STEP  # the face of a step is no edge
+    solid = np.diff(s) > 2.0 * STEP  # the face of a step is not part of the edge
     for first, last in gaps:
         solid &= (middle < first) | (middle > last)
     return EdgePath(np.column_stack([resample(plan, along, s), z]), solid)

@@ -19,7 +19,7 @@ from tactile_simulation.world import Course, Scene, Truth, World
 
 @dataclass(frozen=True)
 class Start:
-    """Where the pad is at the beginning, see `EdgeScene.start_pose`."""
+    """Initial place of the pad, see `EdgeScene.start_pose`."""
 
     s: float = bounded(0.02, 'arc length along the edge', 'm', 0.0)
     offset: float = bounded(0.003, 'centre of the pad to the left of the edge', 'm', -0.1, 0.1)
@@ -34,7 +34,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Slip:
-    """A jump of the object to the left of its edge, once the pad has come so far."""
+    """A jump of the object to the left of its edge when the pad reaches an arc length."""
 
     s: float = bounded(MISSING, 'arc length of the pad at which the object slips', 'm', 0.0)
     offset: float = bounded(MISSING, 'by how much, to the left', 'm', -0.1, 0.1)
@@ -45,7 +45,7 @@ class Slip:
 
 @dataclass(frozen=True, eq=False)
 class EdgeScene(Scene):
-    """An edge, and a flat pad above it."""
+    """An edge and a flat pad above it."""
 
     action: ClassVar[str] = 'track_edge'
     edge: EdgePath
@@ -66,12 +66,12 @@ class EdgeScene(Scene):
 
     @property
     def closed(self) -> bool:
-        """Whether the edge is a contour."""
+        """True if the edge is a closed contour."""
         return self.edge.closed
 
     def start_pose(self) -> np.ndarray:
         """
-        First pose (4, 4) of the pad, sensor -> base, looking straight down at the edge.
+        Return the first pose (4, 4) of the pad, sensor -> base, looking straight down.
 
         Pad z = base -z; pad y along the edge, turned by `start.yaw` about pad z (the edge then
         appears at minus that yaw in the image); centre `start.offset` to the left of the edge
@@ -95,7 +95,7 @@ class EdgeScene(Scene):
 
 @dataclass(frozen=True, eq=False)
 class EdgeTruth(Truth):
-    """A course beside the edge that it followed."""
+    """True course of the pad, compared with the edge that it followed."""
 
     lateral: np.ndarray  # pad's centre to the left of the edge [m]
     along: np.ndarray  # arc length of the nearest point of the edge [m]
@@ -105,7 +105,8 @@ class EdgeWorld(World):
     """
     An edge that presses on a flat pad.
 
-    The object slips, and `shift` changes, when any method sees the pad where the scene says so.
+    The object slips, and `shift` changes, when any method is called with a pose at which the scene
+    defines a slip.
     """
 
     def __init__(self, scene: EdgeScene):
@@ -114,7 +115,7 @@ class EdgeWorld(World):
         self._area = scene.sensor.area
 
     def render(self, pose: np.ndarray) -> np.ndarray:
-        """Return the pressure at the tactels (rows, columns), free of noise [Pa]."""
+        """Return the noise-free pressure at the tactels (rows, columns) [Pa]."""
         self._slip(pose)
         pressure, _ = render(
             self._points(pose), self.array, self._skin, self.edge.solid, self._area)
@@ -130,7 +131,7 @@ class EdgeWorld(World):
                         self.array.half_width_y, self._skin.stiffness)
 
     def _points(self, pose):
-        # Rows are points, hence the transpose of base -> sensor: the rotation itself.
+        # Rows are points, so the transpose of base -> sensor is needed: the rotation itself.
         return (self.edge.points + (self.shift - pose[:3, 3])) @ pose[:3, :3]
 
     def _slip(self, pose):
@@ -147,13 +148,13 @@ class EdgeWorld(World):
         lateral, along = self.edge.nearest(course.poses[:, :3, 3] - course.shift)
         reach = self.array.half_width_y
         settled = course.settled & self.edge.beside(along)
-        # A pad that hangs over an end cannot be pressed as wanted.
+        # A pad that extends beyond an end cannot reach the target force.
         whole = self.edge.closed | ((along >= reach) & (along <= self.edge.length - reach))
         return EdgeTruth(**{**vars(course), 'settled': settled}, on_target=settled & whole,
                          lateral=lateral, along=along)
 
     def numbers(self, truth: EdgeTruth, felt: np.ndarray, force: float) -> dict[str, Any]:
-        """Numbers of a summary that only the edge knows, see `World.numbers`."""
+        """Return the values of a summary that need the edge, see `World.numbers`."""
         settled, along = truth.lateral[truth.settled], truth.along[truth.tracking]
         transient = truth.tracking & ~truth.settled & self.edge.beside(truth.along)
         error, area = contour_errors(felt, self.edge)
@@ -166,11 +167,11 @@ class EdgeWorld(World):
 
     def objection(self, numbers: Mapping[str, Any]) -> str:
         """
-        The pad's centre must have been led along the edge, as far as the servo says.
+        Object if the pad's centre did not follow the edge as far as the servo reports.
 
-        Its RMS, once settled, may be 3 mm: the object may slip farther at once.
+        The settled lateral RMS may be up to 3 mm, because the object may slip farther at once.
         """
-        led = (numbers['lateral_rms'] < 3e-3  # NaN, never settled, fails as well
+        led = (numbers['lateral_rms'] < 3e-3  # NaN (never settled) fails too
                and numbers['edge_length'] > max(SETTLING_LENGTH,
                                                 0.9 * numbers['tracked_length']))
         return '' if led else 'the pad was not led along the edge'
@@ -183,10 +184,10 @@ def contour_errors(contour: np.ndarray, edge: EdgePath) -> tuple[float, float]:
     Returns
     -------
     error : float
-        Largest distance of either from the other; of an open edge, of the contour from the
-        edge [m].
+        Largest distance between the two, in both directions; for an open edge, only from the
+        contour to the edge [m].
     area : float
-        Relative error of the area of a closed edge. NaN where there is too little.
+        Relative error of the area of a closed edge. NaN if the contour has too few points.
     """
     if len(contour) < 2:
         return NAN, NAN
@@ -201,7 +202,7 @@ def contour_errors(contour: np.ndarray, edge: EdgePath) -> tuple[float, float]:
 
 
 def area_of(points: np.ndarray) -> float:
-    """Area of a closed polyline (N, >= 2) seen from above [m^2]."""
+    """Return the area of a closed polyline (N, >= 2) seen from above [m^2]."""
     x, y = (points[:, :2] - points[0, :2]).T
     return abs(0.5 * float(x[:-1] @ y[1:] - x[1:] @ y[:-1]))
 

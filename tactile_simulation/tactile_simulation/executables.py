@@ -1,4 +1,4 @@
-"""Executables of the package; what they import comes once signals are taken."""
+"""Executables of the package; their modules are imported after the signal handlers are set."""
 from tactile_common.start import executable
 
 mock_robot = executable('tactile_simulation.nodes.mock_robot', interrupted=0)

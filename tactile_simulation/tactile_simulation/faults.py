@@ -1,4 +1,4 @@
-"""Faults of a simulation: a sensor that lies, windows that come late, a client that is gone."""
+"""Faults of a simulation: wrong sensor readings, late windows, a silent client."""
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
@@ -9,7 +9,7 @@ import numpy as np
 from tactile_common.errors import ConfigurationError
 from tactile_simulation.sensor import Sensor
 
-# What each is, and the value that it takes: its unit, or None where it takes none.
+# Description of each kind and the unit of its value, or None if it takes no value.
 KINDS: dict[str, tuple[str, str | None]] = {
     'zero': ('reads its tare, as a skin that was unplugged after it', None),
     'frozen': ('the same image again and again, with stamps that run on', None),
@@ -29,7 +29,7 @@ _SYNTAX = re.compile(rf'(\w+)@({_NUMBER})(?::({_NUMBER}))?(?:=({_NUMBER}))?')
 
 @dataclass(frozen=True)
 class Fault:
-    """What goes wrong `since` so many seconds after the goal began, and for how many."""
+    """A fault that begins `since` seconds after the start of the goal and lasts `lasting` s."""
 
     kind: str
     since: float
@@ -38,7 +38,7 @@ class Fault:
 
     @classmethod
     def of(cls, text: str) -> 'Fault':
-        """Read `KIND@T[:SECONDS][=VALUE]`; ConfigurationError if it is none."""
+        """Parse `KIND@T[:SECONDS][=VALUE]`; ConfigurationError if it is invalid."""
         match = _SYNTAX.fullmatch(text)
         kind = match[1] if match else text.partition('@')[0]
         if kind not in KINDS:
@@ -56,15 +56,15 @@ class Fault:
         return cls(kind, float(match[2]), lasting, float(match[4] or 'nan'))
 
     def acts(self, at: float) -> bool:
-        """Whether it is there, so many seconds after the goal began."""
+        """Return True if the fault is active `at` seconds after the start of the goal."""
         return 0.0 <= at - self.since < self.lasting
 
 
 class FaultySensor:
     """
-    What a sensor reports beside what its tactels feel.
+    Changes the counts of a sensor according to faults.
 
-    `at` is the time since the goal began [s].
+    `at` is the time since the start of the goal [s].
     """
 
     def __init__(self, faults: Sequence[Fault], sensor: Sensor):
@@ -72,7 +72,7 @@ class FaultySensor:
         self._frozen: np.ndarray | None = None
 
     def report(self, counts: np.ndarray, at: float) -> np.ndarray:
-        """Return what is sent in place of a frame (rows, columns) of counts."""
+        """Return the frame that is sent in place of a frame (rows, columns) of counts."""
         sensor, frozen = self._sensor, False
         read = counts - sensor.baseline
         for fault in self._faults:
@@ -100,17 +100,17 @@ class FaultySensor:
 
 
 def delay(faults: Sequence[Fault], at: float) -> float:
-    """Return by how much a window that is sent now comes later [s]."""
+    """Return the additional delay of a window that is sent now [s]."""
     return sum(fault.value for fault in faults if fault.kind == 'late' and fault.acts(at))
 
 
 def client_lives(faults: Sequence[Fault], at: float) -> bool:
-    """Return whether the goal's client is heard of."""
+    """Return True if the goal's client still sends heartbeats."""
     return not any(fault.kind == 'stale_client' and fault.acts(at) for fault in faults)
 
 
 def describe_faults() -> str:
-    """Return the kinds of faults, a line each."""
+    """Return the kinds of faults, one per line."""
     return '\n'.join([f'faults, {FORM}; T in seconds after the goal, lasting SECONDS:',
                       *(f'  {kind:14}{text}' + (f' [{unit or "1"}]' if unit is not None else '')
                         for kind, (text, unit) in KINDS.items())])

@@ -1,4 +1,4 @@
-"""The plainest robot that can move a pad anywhere: a gantry with a wrist, for simulations."""
+"""Simple robot for simulations that can move a pad anywhere: a gantry with a wrist."""
 import numpy as np
 
 from tactile_servo.motion.limits import JointLimits
@@ -18,10 +18,10 @@ _SLIDE = {'type': 'prismatic', 'reach': 1.0, 'speed': 0.5}  # m, m/s
 
 
 def gantry_urdf(turn_rate=TURN_RATE):
-    """URDF of three slides along the base's axes, then yaw, pitch and roll of the pad."""
+    """Return the URDF: three slides along the base's axes, then yaw, pitch and roll of the pad."""
     parent, joints = 'base', ''
     for name in ('slide_x', 'slide_y', 'slide_z', 'turn_z', 'turn_y', 'turn_x'):
-        # At zero the pad looks down, so that its singularity, a pitch of 90 degrees, is far.
+        # At zero the pad looks down, far from the singularity at a pitch of 90 degrees.
         joints += _JOINT.format(
             name=name, parent=parent, axis=_AXES[name[-1]],
             rpy=f'{np.pi} 0 0' if name == 'turn_z' else '0 0 0',
@@ -35,10 +35,10 @@ def gantry_urdf(turn_rate=TURN_RATE):
 
 def gantry(acceleration, turn_rate=TURN_RATE):
     """
-    RobotModel and JointLimits of the gantry.
+    Return the RobotModel and JointLimits of the gantry.
 
-    `acceleration` of its slides [m/s^2], `turn_rate` of its wrist [rad/s], which accelerates with
-    20 rad/s^2. From the ends of the travel 10 mm, or 0.01 rad, are kept.
+    `acceleration` [m/s^2] is that of the slides, `turn_rate` [rad/s] that of the wrist, which
+    accelerates with 20 rad/s^2. The limits exclude the last 10 mm, or 0.01 rad, of the travel.
     """
     model = RobotModel.from_urdf(gantry_urdf(turn_rate), 'tactile_pad')
     limits = JointLimits(

@@ -1,12 +1,13 @@
 """
-A robot that is not there: a joint_trajectory_controller over joints that lag behind it.
+Simulated robot: a joint_trajectory_controller, and joints that lag behind it.
 
-The controller samples as that of ros2_controllers 4 and 5 (Jazzy, Kilted) does with position
-command interfaces (joint_trajectory_controller.cpp, trajectory.cpp), seams included: at time t it
-commands what the trajectory has one period later, and where a new trajectory is joined to that
-command, it takes it for that of time t. A trajectory whose first point lies in the past is
-played as it is. Messages of rejection are its own; what it lets pass and nobody means (numbers
-that are not finite, a joint named twice, a time before the start) is rejected here as well.
+The controller samples in the same way as that of ros2_controllers 4 and 5 (Jazzy, Kilted) with
+position command interfaces (joint_trajectory_controller.cpp, trajectory.cpp), including the
+transitions between trajectories. At time t it commands the trajectory's state one period later.
+Where a new trajectory is joined to that command, it treats the command as the state at time t. A
+trajectory whose first point is in the past is played unchanged. Its messages of rejection are the
+same. Some inputs that it accepts are always mistakes (numbers that are not finite, a joint named
+twice, a time before the start); they are rejected here.
 """
 from bisect import bisect_right
 from dataclasses import dataclass, field
@@ -20,7 +21,7 @@ from tactile_common.errors import ConfigurationError, Rejected
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_simulation.plant import DelayedLag
 
-_VELOCITY_AT_END = float(np.finfo(np.float32).eps)  # rad/s; what the controller takes for zero
+_VELOCITY_AT_END = float(np.finfo(np.float32).eps)  # rad/s; the controller's limit for zero
 
 
 @dataclass(frozen=True)
@@ -49,9 +50,10 @@ class MockRobotConfig:
 
 def _basis(known: int) -> np.ndarray:
     """
-    Polynomials of u in [0, 1] that each meet one of 2 * known conditions, ndarray (3, 2k, 2k).
+    Return polynomials of u in [0, 1] that each meet one of 2 * known conditions, (3, 2k, 2k).
 
-    Coefficients of u^0, u^1, ... of the values, of their first and of their second derivatives.
+    The array contains the coefficients of u^0, u^1, ... of the values and of their first and
+    second derivatives.
     """
     derivative = np.diag(np.arange(1.0, 2 * known), 1)
     orders = [np.linalg.matrix_power(derivative, order) for order in range(3)]
@@ -65,10 +67,11 @@ _BASES = {known: _basis(known) for known in (1, 2, 3)}
 
 def hermite(first: np.ndarray, last: np.ndarray, duration: float) -> np.ndarray:
     """
-    Polynomial of the least degree between two states `duration` [s] apart, of u from 0 to 1.
+    Return the polynomial of least degree between two states `duration` [s] apart, u from 0 to 1.
 
-    Each state is (1 to 3, n): position, velocity, acceleration; what only one of them has is not
-    used. Returns coefficients (3, powers of u, n) of position, velocity and acceleration.
+    Each state is (1 to 3, n): position, velocity, acceleration; rows that only one state has are
+    not used. The result contains the coefficients (3, powers of u, n) of position, velocity and
+    acceleration.
     """
     known = min(len(first), len(last))
     scale = duration ** np.arange(3.0)[:, None]
@@ -78,20 +81,21 @@ def hermite(first: np.ndarray, last: np.ndarray, duration: float) -> np.ndarray:
 
 class Spline:
     """
-    A trajectory as polynomials in time, from a state before its first point on.
+    A trajectory as polynomials in time, beginning at a state before its first point.
 
-    Quintic where position, velocity and acceleration are known at both ends of a segment,
-    cubic where position and velocity are, else linear; beyond the end it stays at the last
-    point. A first point that is not in the future is taken at once. A segment's polynomial is
-    made when it is reached: most trajectories of a stream are replaced in their first.
+    A segment is quintic if position, velocity and acceleration are known at both ends, cubic if
+    position and velocity are known, otherwise linear. After the end the state stays at the last
+    point. A first point that is not in the future is reached at once. A segment's polynomial is
+    computed when the segment is reached, because most trajectories of a stream are replaced during
+    their first segment.
 
     Parameters
     ----------
     before, state : float, ndarray (2 or 3, n)
-        Time [s] from which the first point is approached; position, velocity and, where known,
-        acceleration then.
+        Time [s] at which the motion to the first point begins, and the state at this time:
+        position, velocity and, if known, acceleration.
     start : float
-        Time from which the trajectory's own times count [s].
+        Time to which the trajectory's times are relative [s].
     trajectory : Trajectory
     order : list of int, or slice
         Columns of the trajectory in the order of the joints.
@@ -106,12 +110,12 @@ class Spline:
                 rows.append(trajectory.accelerations)
         self._times = [before, *(start + np.asarray(trajectory.times, dtype=float)).tolist()]
         self._states = [state, *np.stack(rows, axis=1)[:, :, order]]
-        self._segment = 0  # that the polynomial is of
+        self._segment = 0  # segment of the polynomial
         self._polynomial: np.ndarray = np.empty((3, 0, 0))
 
     def sample(self, now: float) -> np.ndarray:
-        """Position, velocity and acceleration (3, n) at a time [s]."""
-        segment = bisect_right(self._times, now, lo=1)  # that ends at this point
+        """Return position, velocity and acceleration (3, n) at a time [s]."""
+        segment = bisect_right(self._times, now, lo=1)  # index of its end point
         if segment == len(self._times):
             last = self._states[-1]
             return np.concatenate([last, np.zeros((3 - len(last), last.shape[1]))])
@@ -124,32 +128,32 @@ class Spline:
 
 
 class Late(Rejected):
-    """A trajectory that had ended when it came: nothing moves, and the next one is in time."""
+    """A trajectory that had ended when it arrived: nothing moves, and the next one is in time."""
 
 
 class MockController:
     """
-    Takes trajectories, interpolates them and moves joints within their limits.
+    Accepts trajectories, interpolates them and moves joints within their limits.
 
     Parameters
     ----------
     joint_names : sequence of str
         Order of every joint vector (n joints).
     lower, upper, velocity_limit : array_like (n,)
-        Limits of position, infinite where there are none, and of velocity [rad or m, per s].
+        Limits of position (infinite if there are none) and velocity [rad or m, per s].
     initial_positions : array_like (n,)
-        Where the joints are and stay until a trajectory comes [rad or m].
+        Positions of the joints until a trajectory arrives [rad or m].
     rate, dead_time, lag, interpolate_from_desired_state
         As in `MockRobotConfig`.
 
     Attributes
     ----------
     commanded : ndarray (3, n)
-        Position, velocity and acceleration that the newest step commands.
+        Position, velocity and acceleration commanded by the newest step.
     active : bool
-        Whether trajectories are listened to; see `activate`.
+        True if trajectories are accepted; see `activate`.
     limit_violations : int
-        Steps whose command had to be clamped to a position or velocity limit.
+        Number of steps whose command was clamped to a position or velocity limit.
 
     Raises
     ------
@@ -197,9 +201,9 @@ class MockController:
 
     def activate(self, active: bool) -> None:
         """
-        Listen to trajectories, or (false) no more, as a controller manager's switch does.
+        Accept trajectories, or stop accepting them, as when a controller manager switches.
 
-        Either way the robot stays where it was commanded last, at once.
+        In both cases the robot stops at once at its last commanded position.
         """
         self.active = active
         self._hold()
@@ -207,15 +211,15 @@ class MockController:
 
     def accept(self, trajectory: Trajectory, now: float) -> None:
         """
-        Take a trajectory over at the next step, or leave everything as it is.
+        Execute a trajectory from the next step on, or raise an error and change nothing.
 
-        Its joints may stand in any order; `now` is in the clock of its stamp [s]. A controller
-        that is not active checks it and forgets it.
+        Its joints may have any order; `now` is the time of the clock of its stamp [s]. A
+        controller that is not active checks the trajectory and drops it.
 
         Raises
         ------
         Rejected
-            With the reason.
+            The message contains the reason.
         """
         self._check(trajectory, now)
         names = trajectory.joint_names
@@ -258,9 +262,9 @@ class MockController:
 
     def step(self, now: float) -> tuple[np.ndarray, np.ndarray]:
         """
-        Advance to a time [s], at the controller's rate; measured positions and velocities (n,).
+        Advance to a time [s] at the controller's rate; return measured positions and velocities.
 
-        When the time jumps back, the robot holds where it is and starts over.
+        Both have shape (n,). If the time jumps back, the robot stops where it is and starts again.
         """
         if now == self._time:
             return self.measured(now)
@@ -279,10 +283,10 @@ class MockController:
 
     def run_to(self, now: float) -> tuple[np.ndarray, np.ndarray]:
         """
-        Step at the controller's rate up to a time [s], however late that is; returns as `step`.
+        Step at the controller's rate up to a time [s], even if it is late; return as `step`.
 
-        A robot's controller has a thread that keeps its time, whatever else the machine does; a
-        clock that leaps by more than 0.5 s was set anew.
+        A real controller has a thread that keeps its period under any load. A clock that jumps by
+        more than 0.5 s is taken as set anew.
         """
         if self._time is not None and now - self._time < 0.5:
             while now - self._time > 1.5 * self._period:
@@ -290,24 +294,24 @@ class MockController:
         return self.step(now)
 
     def measured(self, now: float) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities (n,) of the joints at a time after the last step's [s]."""
+        """Return positions and velocities (n,) of the joints at a time after the last step [s]."""
         return self._joints.advance(now)
 
     def _take_over(self, trajectory, order, now, measured):
         self._pending = None
         before, state = now, np.array(measured)
         if self.interpolate_from_desired_state:
-            # What was commanded for a period after the last step counts as that of the step.
+            # The command for one period after the last step counts as the state at that step.
             before, state = now if self._time is None else self._time, self.commanded
         start = 1e-9 * trajectory.stamp_ns or now
         self._spline = Spline(before, state, start, trajectory, order)
 
     def _limited(self, wanted, elapsed):
-        """Command (n,) within the limits; counts a step in which they had to act."""
+        """Return the command (n,) within the limits; count the step if they changed it."""
         reach, before = self._velocity_limit * elapsed, self._command
         command = np.clip(wanted, self._lower, self._upper)
         command = np.clip(command, before - reach, before + reach)
-        # By more than rounding.
+        # The tolerance excludes rounding errors.
         self.limit_violations += bool((abs(command - wanted) > 1e-6 * reach + 1e-9).any())
         self._command = command
         return command

@@ -1,4 +1,4 @@
-"""Faults of a serial line, on request: what happens to the bytes of a frame."""
+"""Faults of a serial line that change the bytes of a frame, on request."""
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -9,7 +9,7 @@ from tactile_common.errors import ConfigurationError
 
 @dataclass(frozen=True)
 class LineFaults:
-    """How often each fault happens: by byte, or by frame."""
+    """Probability of each fault, per byte or per frame."""
 
     flip: float = bounded(0.0, 'share of bytes of which a bit changes', '', 0.0, 1.0)
     lose: float = bounded(0.0, 'share of bytes that get lost', '', 0.0, 1.0)
@@ -24,7 +24,7 @@ class LineFaults:
 
     @classmethod
     def from_text(cls, text: str) -> 'LineFaults':
-        """Return the faults of a text `name=share name=share`; raises a ConfigurationError."""
+        """Parse a text `name=share name=share`; raises a ConfigurationError."""
         names, values = [item.name for item in fields(cls)], {}
         for word in text.split():
             name, _, share = word.partition('=')
@@ -38,7 +38,7 @@ class LineFaults:
         return cls(**values)
 
     def spoil(self, data: bytes, rng: np.random.Generator) -> bytes:
-        """Return what comes of the bytes of a frame."""
+        """Return the bytes of a frame after the faults."""
         if rng.random() < self.drop:
             return b''
         if rng.random() < self.cut:

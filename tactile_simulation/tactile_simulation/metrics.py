@@ -1,4 +1,4 @@
-"""What a run achieved against the truth of its scene, simulated or recorded, in numbers."""
+"""Metrics of a run, simulated or recorded, compared with the truth of its scene."""
 from collections.abc import Iterator, Mapping, Sequence
 import json
 import math
@@ -12,7 +12,7 @@ from tactile_simulation.world import Truth, World
 NAN = float('nan')
 
 
-# Of samples; NaN where there are too few.
+# Statistics of samples; NaN if there are too few.
 
 def span(stamps: np.ndarray) -> float:
     """Return the time between the first and the last stamp [ns], in seconds."""
@@ -37,18 +37,18 @@ def largest(values: np.ndarray) -> float:
 
 
 def roughest(accelerations: np.ndarray) -> float:
-    """Return the RMS of the joint of which it is largest, of (K, n)."""
+    """Return the largest RMS of the joints' accelerations (K, n)."""
     return (largest(np.sqrt(np.nanmean(accelerations**2, axis=0))) if accelerations.size
             else NAN)
 
 
 def percentile(values: Sequence[float] | np.ndarray, percent: float = 50.0) -> float:
-    """Return a percentile, the median unless told."""
+    """Return a percentile; by default the median."""
     return float(np.percentile(values, percent)) if len(values) else NAN
 
 
 class Metric(NamedTuple):
-    """A number of a summary: how it is named and shown."""
+    """A number of a summary with its name and format."""
 
     key: str
     name: str
@@ -93,9 +93,9 @@ METRICS = (
 
 def measure(truth: Truth, force: float, acceleration: np.ndarray) -> dict[str, float]:
     """
-    Numbers of a run, whatever it followed, SI units.
+    Return the metrics of a run that apply to edges and surfaces, in SI units.
 
-    `force` is wanted [N]; `acceleration` (K, n) is that of the joints, of their commands or as
+    `force` is the target [N]; `acceleration` (K, n) are joint accelerations, of the commands or as
     measured [rad/s^2].
     """
     way, held = truth.progress[truth.tracking], truth.force[truth.on_target]
@@ -110,14 +110,14 @@ def measure(truth: Truth, force: float, acceleration: np.ndarray) -> dict[str, f
 
 
 def judged(numbers: dict[str, Any], success: bool, world: World) -> dict[str, Any]:
-    """Return a summary that says in `ok`, and in its reason, whether a goal was really met."""
+    """Return a summary with `ok` and reason, which also consider the objection of the world."""
     objection = world.objection(numbers) if success else ''
     reason = '; but '.join(filter(None, (numbers['reason'], objection)))
     return {'ok': success and not objection, **numbers, 'reason': reason}
 
 
 def shown(summary: Mapping[str, Any], metrics=METRICS) -> Iterator[tuple[str, str, str]]:
-    """Give name, value and unit of every number that a summary has and knows."""
+    """Yield name, value and unit of every number that a summary contains and that is finite."""
     for row in metrics:
         value = summary.get(row.key)
         if value is not None and math.isfinite(value):
@@ -125,7 +125,7 @@ def shown(summary: Mapping[str, Any], metrics=METRICS) -> Iterator[tuple[str, st
 
 
 def busy(summary: Mapping[str, Any]) -> str:
-    """Sentence about a machine that missed more than 5 % of the control cycles, else empty."""
+    """Return a sentence if a machine missed more than 5 % of the control cycles, else ''."""
     missed = summary.get('missed_cycles') or 0
     planned = missed + (summary.get('cycles') or 0)
     if missed <= 0.05 * planned:
@@ -136,7 +136,7 @@ def busy(summary: Mapping[str, Any]) -> str:
 
 
 def describe(summary: Mapping[str, Any]) -> str:
-    """Text of the summary of a run for the terminal."""
+    """Return the summary of a run as text for the terminal."""
     lines = [f'{summary["scene"]} with {summary["law"]}, '
              f'{"tracked" if summary["ok"] else "NOT TRACKED"}: {summary["reason"]}']
     lines += [f'  {name:26}{value:>10} {unit}'.rstrip() for name, value, unit in shown(summary)]

@@ -1,4 +1,4 @@
-"""Joints that follow their command after a dead time, with a first-order lag."""
+"""Joints that follow their commands with a dead time and a first-order lag."""
 from collections import deque
 import math
 
@@ -7,9 +7,10 @@ import numpy as np
 
 class DelayedLag:
     """
-    Joints, at rest at `position` (n,) at first; `dead_time` and `lag` may be 0 [s].
+    Joints that are initially at rest at `position` (n,); `dead_time` and `lag` [s] may be 0.
 
-    Commands are joined by straight lines, and held after the last one; exact at any time.
+    Commands are connected by straight lines; the last one is held. The solution is exact at any
+    time.
     """
 
     def __init__(self, position: np.ndarray, dead_time: float, lag: float):
@@ -18,23 +19,23 @@ class DelayedLag:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the time and every command on its way; come to rest."""
+        """Forget the time and all pending commands; come to rest."""
         self.velocity = np.zeros_like(self.position)
         self._time = -math.inf
-        self._last = -math.inf, self.position  # knot that the joints have passed
+        self._last = -math.inf, self.position  # last knot that the joints have passed
         self._knots: deque[tuple[float, np.ndarray]] = deque()
 
     def command(self, when: float, position: np.ndarray) -> None:
-        """Be at `position` (n,) at a time [s] after that of the command before."""
+        """Set a command `position` (n,) for a time [s] that is later than the one before."""
         self._knots.append((when + self._dead_time, position))
 
     def advance(self, now: float) -> tuple[np.ndarray, np.ndarray]:
-        """Position and velocity (n,) at a time [s] that does not go back."""
+        """Return position and velocity (n,) at a time [s], which must not go back."""
         if self._time == -math.inf:  # at rest until now
             self._time, self._last = now, (now, self.position)
         while self._time < now:
             since, start = self._last
-            # Beyond the last command: held until now, so that the next line begins here.
+            # After the last command: hold until now, so that the next line begins here.
             until, goal = self._knots[0] if self._knots else (now, start)
             end = min(until, now)
             if end > self._time:
@@ -50,7 +51,11 @@ class DelayedLag:
 
 
 def _follow(position, start, slope, since, time, lag):
-    """Position and velocity after `time` of a command start + slope t, run for `since` [s]."""
+    """
+    Return position and velocity after `time` [s] of a command start + slope t.
+
+    The command has already run for `since` [s].
+    """
     command = start + slope * since
     if lag == 0.0:
         return command, slope

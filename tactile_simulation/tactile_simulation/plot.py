@@ -1,4 +1,4 @@
-"""Pictures of runs; every axis has a unit, and what can be labelled directly is."""
+"""Plots of runs; every axis has a unit, and elements are labelled directly where possible."""
 from io import BytesIO
 from typing import Any
 
@@ -14,7 +14,7 @@ SIDES = np.array([-1.0, 1.0])
 
 
 def new_figure(width: float, height: float) -> Any:
-    """Return an empty figure of a size in inches."""
+    """Return an empty figure with a size in inches."""
     figure = Figure(figsize=(width, height), dpi=160, layout='constrained')
     FigureCanvasAgg(figure)
     return figure
@@ -28,7 +28,7 @@ def png(figure: Figure) -> bytes:
 
 
 def label(axes, xlabel='', ylabel='', title=''):
-    """Label axes and give them the common look."""
+    """Label axes and apply the common style."""
     axes.set_xlabel(xlabel, fontsize=10, color=INK)
     axes.set_ylabel(ylabel, fontsize=10, color=INK)
     axes.tick_params(labelsize=9, colors='#4b5058')
@@ -40,14 +40,14 @@ def label(axes, xlabel='', ylabel='', title=''):
 
 
 def note(axes, x, y, text, colour=INK, **options):
-    """Write a text on a pale ground at a place of the data."""
+    """Write a text on a pale background at a place in data coordinates."""
     options = {'ha': 'left', 'va': 'center', **options}
     axes.annotate(text, (x, y), fontsize=9.5, color=colour, bbox={
         'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.8}, **options)
 
 
 def equal_axes(axes):
-    """Give a plan equal axes, and some width and height where an edge is straight."""
+    """Set equal scales, and a minimum width and height for a straight edge."""
     limits = np.array([axes.get_xlim(), axes.get_ylim()])
     middle = limits.mean(axis=1)
     half = np.maximum(0.5 * np.ptp(limits, axis=1), 0.15 * np.ptp(limits, axis=1).max())
@@ -73,7 +73,7 @@ def show_contacts(figure, above, side, points, scene):
 
 
 def draw(simulation, path) -> None:
-    """Draw what was followed, the way over it and the errors, in a format by the file's name."""
+    """Draw the tracked object, the path over it and the errors; the file name sets the format."""
     figure = new_figure(10.0, 7.0)
     (_edge if simulation.scene.action == 'track_edge' else _surface)(figure, simulation)
     figure.suptitle(simulation.scene.name)

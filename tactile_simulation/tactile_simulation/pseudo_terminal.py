@@ -1,4 +1,4 @@
-"""The sending end of a serial port that is not there."""
+"""Sending end of a simulated serial port."""
 import os
 from pathlib import Path
 import select
@@ -11,16 +11,16 @@ _TERMINALS = '/dev/pts/'
 
 class PseudoTerminal:
     """
-    Sending end of a pseudo-terminal with a link to its other end; never blocks.
+    Sending end of a pseudo-terminal with a link to its other end; it never blocks.
 
-    The other end is left to the listener alone, so that this one sees whether somebody
-    listens, and the listener sees a hang-up as soon as this one closes or dies. A link that an
-    earlier pseudo-terminal left behind is replaced.
+    Only the listener opens the other end. So the sender can see if somebody listens, and the
+    listener sees a hang-up as soon as the sender closes or dies. A link left behind by an earlier
+    pseudo-terminal is replaced.
 
     Raises
     ------
     ConfigurationError
-        The link cannot be made, or something else stands in its place.
+        The link cannot be made, or its path is in use by something else.
     """
 
     def __init__(self, link: str):
@@ -55,11 +55,11 @@ class PseudoTerminal:
 
     @property
     def listened(self) -> bool:
-        """Whether somebody has the other end open."""
+        """True if somebody has opened the other end."""
         return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
 
     def write(self, data: bytes) -> bool:
-        """Send all of `data`, now or before the next; False: no room, nothing was taken."""
+        """Send all of `data`, now or before the next write; False if nothing could be sent."""
         if self._unsent:
             self._unsent = self._unsent[self._put(self._unsent):]
             if self._unsent:
@@ -69,22 +69,22 @@ class PseudoTerminal:
         return sent > 0
 
     def read(self) -> bytes:
-        """Return what the listener has sent; empty if that is nothing."""
+        """Return the data sent by the listener; empty if there are none."""
         try:
             return os.read(self._master, 4096)
-        except OSError:  # nothing is there, or nobody listens
+        except OSError:  # no data, or nobody listens
             return b''
 
     def forget(self) -> None:
-        """Drop the rest of a half-sent write, for the next listener."""
+        """Drop the rest of an incomplete write before the next listener connects."""
         self._unsent = b''
 
     def close(self) -> None:
-        """Remove the link, unless it is another's by now, and hang up."""
+        """Remove the link, unless it now belongs to another terminal, and hang up."""
         try:
             if os.readlink(self._link) == self._target:
                 self._link.unlink()
-        except OSError:  # gone, or something else stands there
+        except OSError:  # the link is missing or has been replaced
             pass
         os.close(self._master)
 

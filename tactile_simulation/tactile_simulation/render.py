@@ -1,4 +1,4 @@
-"""Pressure on a tactile array that a rigid edge indents."""
+"""Pressure on a tactile array that is indented by a rigid edge."""
 from functools import lru_cache
 import math
 
@@ -12,12 +12,12 @@ from tactile_sensing.skin.pressure import split_tactel
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.sensor import Skin
 
-# Chords up to this length, in depths of the skin, press at their middle [depths]; longer ones
-# are integrated in closed form.
+# Chords up to this length are replaced by a point load at their middle; longer ones are
+# integrated in closed form [depths of the skin].
 SHORT = 0.125
-# Loads further from the pad than this add less than 1e-4 of the peak [depths].
+# Loads farther from the pad than this add less than 1e-4 of the peak [depths].
 REACH = 8.0
-PANEL = 0.8  # depths of edge that three of Gauss' points stand for
+PANEL = 0.8  # length of edge represented by three Gauss points [depths]
 _POINTS = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 _WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 
@@ -25,12 +25,12 @@ _WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 def render(points, array: TactelArray, skin: Skin,
            solid: np.ndarray | None = None, area: float = 0.0) -> tuple[np.ndarray, float]:
     """
-    Pressure under a rigid edge that indents the skin.
+    Return the pressure under a rigid edge that indents the skin, and its force.
 
-    The edge presses with `stiffness` times its indentation per length. Its pressure is the
-    superposition of finite line loads: the point load (2.2) without shear, integrated along
-    each chord in closed form; with a backing, or tactels that average over an area, that of
-    `skin.kernel`, by Gauss' points.
+    The load per length is `stiffness` times the indentation. The pressure is the superposition of
+    finite line loads. In a half-space with point tactels, the point load (2.2) without shear is
+    integrated along each chord in closed form. With a backing, or tactels that average over an
+    area, the pressure of `skin.kernel` is integrated with Gauss points.
 
     Parameters
     ----------
@@ -41,14 +41,14 @@ def render(points, array: TactelArray, skin: Skin,
     solid : np.ndarray, optional
         Which chords have material, shape `(M - 1,)`; default all.
     area : float
-        Side of what a tactel averages over [pitches]; 0: it samples its centre.
+        Side of the square over which a tactel averages [pitches]; 0: it samples its centre.
 
     Returns
     -------
     pressure : np.ndarray
         At the tactels [Pa], shape `(rows, columns)`, compression positive.
     force : float
-        Normal force on the rectangle of the array [N], of the loads within it.
+        Normal force [N] of the loads within the rectangle of the array.
     """
     points = np.ascontiguousarray(points, dtype=np.float64)
     if solid is None:
@@ -65,7 +65,7 @@ def render(points, array: TactelArray, skin: Skin,
 
 @lru_cache(maxsize=16)
 def _point_shape(skin, size_x, size_y):
-    """Shape of a point load, see `skin.kernels`, and the points that stand for a tactel (N, 2)."""
+    """Return a point load's shape (see `skin.kernels`) and a tactel's sample points (N, 2)."""
     side, nodes = 0.0, np.zeros((1, 2))
     if size_x > 0.0 and size_y > 0.0:
         side, nodes = split_tactel(size_x, size_y, skin.depth)
@@ -74,9 +74,9 @@ def _point_shape(skin, size_x, size_y):
 
 @njit(cache=True)
 def _loaded_part(start, end, half_x, half_y):
-    """Shares of a chord between which it lies in a rectangle and behind the surface."""
+    """Return the shares of a chord where it enters and leaves a rectangle below the surface."""
     first, last = 0.0, 1.0
-    # Each row demands position + share * slope <= 0.
+    # Each row requires position + share * slope <= 0.
     for axis, sign, bound in (
             (0, 1.0, half_x), (0, -1.0, half_x), (1, 1.0, half_y), (1, -1.0, half_y),
             (2, 1.0, 0.0)):
@@ -128,7 +128,7 @@ def _pressure(points, solid, x, y, depth, stiffness):
         x0, y0, z0 = start + first * (end - start)
         x1, y1, z1 = start + last * (end - start)
         plan = math.hypot(x1 - x0, y1 - y0)
-        # Load per length seen from above, so that a slope carries all of its load.
+        # Load per horizontal length, so that an inclined chord carries its whole load.
         share = stiffness * length * (last - first)
         if plan <= SHORT * depth:
             add_point(pressure, x, y, depth, 0.5 * (x0 + x1), 0.5 * (y0 + y1),

@@ -1,4 +1,4 @@
-"""Scenes, by name or from a YAML file."""
+"""Scenes by name or from a YAML file."""
 import difflib
 import os
 from pathlib import Path
@@ -12,7 +12,7 @@ from tactile_simulation.world import Scene
 
 
 def shipped_scenes() -> dict[str, Path]:
-    """Files of the scenes that come with the launch files, by name; none without these."""
+    """Return the files of the scenes of package edge_tracking by name; empty without it."""
     for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
         folder = Path(prefix, 'share', 'edge_tracking', 'scenes')
         if folder.is_dir():
@@ -22,7 +22,7 @@ def shipped_scenes() -> dict[str, Path]:
 
 
 def describe_scenes() -> str:
-    """Text with a line for each shipped scene: name and description."""
+    """Return a text with name and description of each installed scene, one per line."""
     lines = ['scenes, or the path of a .yaml file of your own:']
     for name, path in shipped_scenes().items():
         found = re.search(r'^description: *(.+)$', path.read_text('utf-8'), re.M)
@@ -31,7 +31,7 @@ def describe_scenes() -> str:
 
 
 def find_scene(name: str | os.PathLike) -> Path:
-    """File of a scene: shipped, by its name, or a path; ConfigurationError if there is none."""
+    """Return the file of an installed scene or path; ConfigurationError if there is none."""
     known = shipped_scenes()
     if str(name) in known:
         return known[str(name)]
@@ -49,13 +49,13 @@ def load_scene(name: str | os.PathLike) -> Scene:
     """
     Read a scene, see `find_scene`.
 
-    `launch/scenes/straight.yaml` explains the format of those with an edge,
-    `launch/scenes/surfaces/sphere_126.yaml` of those with a surface.
+    `launch/scenes/straight.yaml` explains the format of scenes with an edge,
+    `launch/scenes/surfaces/sphere_126.yaml` that of scenes with a surface.
 
     Raises
     ------
     ConfigurationError
-        There is none, it cannot be read, or a key is missing, unknown or out of bounds.
+        The scene does not exist or cannot be read, or a key is missing, unknown or out of bounds.
     """
     path = find_scene(name)
     try:

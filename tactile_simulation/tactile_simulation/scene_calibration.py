@@ -1,4 +1,4 @@
-"""The calibration that fits the sensor of a scene."""
+"""Calibration of the sensor of a scene."""
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,9 +11,9 @@ from tactile_simulation.world import Scene
 
 def calibration_of(scene: Scene, **values) -> Calibration:
     """
-    Return what is known of the sensor that a scene describes, and further fields.
+    Return the calibration of the sensor of a scene; `values` are additional fields.
 
-    That is what the calibration says that the scene names, or else all of it.
+    It is read from the calibration file named by the scene, or else derived from the scene.
     """
     sensor, skin = scene.sensor, scene.skin
     values = {'model': 'mock', 'skin_stiffness': skin.stiffness, **values}
@@ -27,7 +27,7 @@ def calibration_of(scene: Scene, **values) -> Calibration:
 
 def write_calibration(scene: Scene, path: Path, **values) -> Path:
     """
-    Write what the driver must know of the sensor that a scene describes; returns the path.
+    Write the calibration that the driver needs for a scene's sensor; return the path.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def write_calibration(scene: Scene, path: Path, **values) -> Path:
     path : Path
         YAML file to write, in the format of `tactile_sensing.devices.calibration_file`.
     **values
-        Further fields of `Calibration`.
+        Additional fields of `Calibration`.
     """
     save_calibration(calibration_of(scene, **{
         'max_load': 40.0, 'acquisition_delay': 0.0025, 'nominal_rate': 200.0, **values}), path)

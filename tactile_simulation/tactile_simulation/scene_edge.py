@@ -22,13 +22,13 @@ from tactile_simulation.scene_file import (
 )
 from tactile_simulation.sensor import Sensor, Skin
 
-# So that neither a slip of units nor a file of a stranger fills the memory:
-MAX_WAY = 20.0  # of all elements of a path, or round all points [m]
-MAX_PAIRS = 5000  # points of a polygon or a height
+# Limits that protect the memory from wrong units and untrusted files:
+MAX_WAY = 20.0  # total length of a path, or of a closed polygon [m]
+MAX_PAIRS = 5000  # points of a polygon or of a height profile
 
 
 def edge_scene(tree: Any, path: Path) -> EdgeScene:
-    """Scene of a mapping from a file; ConfigurationError, see `load_scene`."""
+    """Make a scene from a mapping of a file; ConfigurationError, see `load_scene`."""
     values = section(tree, '', ('name', 'description', 'edge'),
                      ('skin', 'sensor', 'start', 'plant', 'slip', 'calibration'))
     skin, start = part(values, 'skin', Skin), numbers(values.get('start', {}), 'start', Start)
@@ -40,7 +40,7 @@ def edge_scene(tree: Any, path: Path) -> EdgeScene:
 
 
 def _sensor(tree, skin):
-    """Sensor; one whose array is named has range and noise for the peak of 5 N on its pad."""
+    """Make the sensor; a given array scales its range and noise to the peak of 5 N on its pad."""
     if isinstance(tree, dict) and 'pitch' in tree:
         if 'pitch_x' in tree or 'pitch_y' in tree:
             raise ConfigurationError('sensor has pitch and pitch_x or pitch_y, must have either')
@@ -49,7 +49,7 @@ def _sensor(tree, skin):
     values = numbers(tree, 'sensor', Sensor)
     sensor = Sensor(**values)
     if values.keys() & {'rows', 'columns', 'pitch_x', 'pitch_y'}:
-        # (3.1): the peak of a line load is as the load per length and the inverse of the depth.
+        # (3.1): the peak of a line load is proportional to the load per length and to 1 / depth.
         usual = Sensor()
         share = (Skin.depth * usual.array.size_y) / (skin.depth * sensor.array.size_y)
         sensor = replace(sensor, **{
@@ -78,7 +78,7 @@ def _edge(tree):
 
 
 def _walked(turtle, path, closed):
-    """Vertices (N, 2) of the elements of a path."""
+    """Return the vertices (N, 2) of the elements of a path."""
     if not isinstance(path, list) or not path:
         raise ConfigurationError(f'edge.path is {path!r}, must be a list of elements')
     way = 0.0
@@ -114,7 +114,7 @@ def _walked(turtle, path, closed):
 
 
 def _longer(name, way, length):
-    """Return a way with a length more [m]."""
+    """Return the sum of a path length and a length [m]; ConfigurationError if it is too long."""
     if way + length > MAX_WAY:
         raise ConfigurationError(f'{name} is longer than {MAX_WAY:g} m, the most that is allowed')
     return way + length
@@ -158,7 +158,7 @@ def _gaps(tree, length):
 
 
 def _pairs(name, tree, least, most=MAX_PAIRS):
-    """Return a list of pairs of lengths [m] as an array (N, 2)."""
+    """Convert a list of pairs of lengths [m] to an array (N, 2)."""
     if not isinstance(tree, list) or not least <= len(tree) <= most:
         raise ConfigurationError(f'{name} is {tree!r:.60}, must be {least} to {most} pairs [m]')
     for number, pair in enumerate(tree):

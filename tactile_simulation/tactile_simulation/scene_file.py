@@ -1,4 +1,4 @@
-"""Reading of scene files: mappings and numbers, each refused by its name where it is wrong."""
+"""Reader of scene files: checks mappings and numbers, and names the wrong ones in errors."""
 from collections.abc import Collection, Mapping
 from dataclasses import fields, MISSING
 import math
@@ -15,7 +15,7 @@ MAX_LENGTH = 10.0  # m
 
 def section(tree: Any, name: str, keys: Collection[str],
             optional: Collection[str] = ()) -> dict[str, Any]:
-    """Return a mapping that has these keys, and at most the optional ones besides."""
+    """Return a mapping after a check: it has all `keys` and no others except `optional` ones."""
     where = f'{name}: ' if name else ''
     if not isinstance(tree, dict):
         raise ConfigurationError(f'{where}is {tree!r:.60}, must be a mapping of {", ".join(keys)}')
@@ -31,7 +31,7 @@ def section(tree: Any, name: str, keys: Collection[str],
 
 
 def one_of(tree: Any, name: str, kinds: Collection[str]) -> tuple[str, dict[str, Any]]:
-    """Return the one of the keys that a mapping has, and the mapping without it."""
+    """Return the one key of `kinds` that a mapping has, and the mapping without it."""
     if not isinstance(tree, dict):
         raise ConfigurationError(f'{name}: is {tree!r:.60}, must be a mapping')
     found = [kind for kind in kinds if kind in tree]
@@ -42,9 +42,9 @@ def one_of(tree: Any, name: str, kinds: Collection[str]) -> tuple[str, dict[str,
 
 
 def number(name: str, value: Any) -> float | int:
-    """Return a number of a file, infinite where it is too large for one."""
+    """Return a number of a file; infinite if it is too large."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        # YAML 1.1 takes 2e5 for a text.
+        # YAML 1.1 reads 2e5 as a text.
         hint = ' (write an exponent like 2.0e+5)' if _isnumber(value) else ''
         raise ConfigurationError(f'{name} is {value!r:.60}, must be a number{hint}')
     return math.inf if abs(value) >= 1e300 else value
@@ -58,7 +58,7 @@ def _isnumber(value):
 
 
 def within(name: str, value: Any, low: float, high: float, unit: str = 'm') -> float:
-    """Return a number of a file between two bounds, both allowed."""
+    """Return a number of a file after a check of its bounds, both allowed."""
     return checked(name, float(number(name, value)), float, {'range': (low, high), 'unit': unit})
 
 
@@ -87,7 +87,7 @@ def part(values: Mapping[str, Any], name: str, kind: type) -> Any:
 
 
 def common(values: Mapping[str, Any], path: Path, sensor: Sensor) -> dict[str, Any]:
-    """Return what the scenes of a file have in common, whatever they touch."""
+    """Return the fields of a scene that do not depend on the touched object."""
     for key in ('name', 'description'):
         if not isinstance(values[key], str) or not values[key].strip():
             raise ConfigurationError(f'{key} is {values[key]!r}, must be a text')

@@ -25,7 +25,7 @@ from tactile_simulation.sensor import Sensor
 from tactile_simulation.surface_objects import Mesh, Placed, SolidObject, StepShape, Torus
 from tactile_simulation.surface_world import PA_PER_COUNT, SurfaceScene, SurfaceStart, Touch
 
-# Of the objects: how they are made, of which sizes, and of which they may be.
+# For each kind of object: its constructor, required sizes and optional sizes.
 SHAPES: dict[str, tuple[Callable[..., SolidObject], tuple[str, ...], tuple[str, ...]]] = {
     'plane': (lambda: Torus(np.inf, np.inf), (), ()),
     'cylinder': (lambda radius: Torus(np.inf, radius), ('radius',), ()),
@@ -37,7 +37,7 @@ SHAPES: dict[str, tuple[Callable[..., SolidObject], tuple[str, ...], tuple[str, 
 
 
 def surface_scene(tree: Any, path: Path) -> SurfaceScene:
-    """Scene of a mapping from a file; ConfigurationError, see `load_scene`."""
+    """Make a scene from a mapping of a file; ConfigurationError, see `load_scene`."""
     values = section(tree, '', ('name', 'description', 'surface'),
                      ('touch', 'probe', 'rubber', 'sensor', 'start', 'plant', 'calibration'))
     kind, rest = one_of(values['surface'], 'surface', SHAPES)
@@ -54,7 +54,7 @@ def surface_scene(tree: Any, path: Path) -> SurfaceScene:
 
 
 def _shape(kind, tree, path):
-    """Object of a section, in its own frame."""
+    """Make the object of a section, in its own frame."""
     make, needed, optional = SHAPES[kind]
     given = section(tree, f'surface.{kind}', needed, optional)
     if kind == 'mesh':

@@ -1,4 +1,4 @@
-"""The sensor of a scene: its skin, its array, and what its tactels report of a pressure."""
+"""Sensor of a scene: its skin, its array, and the conversion of pressure to counts."""
 from dataclasses import dataclass
 import math
 
@@ -37,9 +37,9 @@ class Skin:
 
 @dataclass(frozen=True)
 class Sensor:
-    """The array, and how its tactels turn pressure into unsigned counts."""
+    """The array, and how its tactels convert pressure to unsigned counts."""
 
-    # 40 dB below the peak of 5 N on a pad of 25.4 mm.
+    # 40 dB below the peak of a line load of 5 N on a pad of 25.4 mm.
     noise_std: float = bounded(630.0, 'standard deviation of one tactel', 'Pa', 0.0, 1e7)
     baseline: float = bounded(10.0, 'without load', 'counts', 0.0, 65535.0)
     pa_per_count: float = bounded(627.45, 'pressure of one count', 'Pa', 1e-3, 1e7)
@@ -79,12 +79,12 @@ class Sensor:
 
 class TactelResponse:
     """
-    The tactels of one sensor: their gains, their memory, noise, and unsigned counts.
+    Response of the tactels of one sensor: gains, memory, noise and unsigned counts.
 
-    Under a load that rests, a reading grows by the share `creep` with the time constant
-    `creep_time`, and falls as slowly after it. While a load is taken away it stays what it was,
-    until it is higher by the share `hysteresis`. Each of the four neighbours gets the share
-    `crosstalk` of it. Flaws are those of this one `specimen`: the same at every run, whatever
+    Under a constant load, a reading grows by the share `creep` with the time constant
+    `creep_time`, and it decreases equally slowly afterwards. While a load is removed, the reading
+    stays constant until it is too high by the share `hysteresis`. Each of the four neighbours gets
+    the share `crosstalk` of a reading. Gains and dead tactels depend only on `specimen`, not on
     the seed of the noise.
     """
 
@@ -120,7 +120,7 @@ class TactelResponse:
 
 
 def _around(pressure):
-    """Sum over the four neighbours of what they have more; none beyond the border."""
+    """Sum the differences of the four neighbours to each tactel; none beyond the border."""
     padded = np.pad(pressure, 1, mode='edge')
     return (padded[:-2, 1:-1] + padded[2:, 1:-1] + padded[1:-1, :-2] + padded[1:-1, 2:]
             - 4.0 * pressure)

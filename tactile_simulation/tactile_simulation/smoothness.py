@@ -1,9 +1,13 @@
-"""How smoothly a robot moved: accelerations of its joints, scatter of the pad's speed."""
+"""Smoothness of a motion: accelerations of the joints, scatter of the pad's speed."""
 import numpy as np
 
 
 def speeds(time: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Speed [m/s] since the sample before, of N times [s] and positions (N, 3); NaN if unknown."""
+    """
+    Return the speed [m/s] since the previous sample, (N,); NaN if unknown.
+
+    `time` (N,) is in s, `positions` (N, 3) in m.
+    """
     if not len(time):
         return np.empty(0)
     spans = np.diff(time, prepend=np.nan)
@@ -12,7 +16,7 @@ def speeds(time: np.ndarray, positions: np.ndarray) -> np.ndarray:
 
 
 def accelerations(time: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Second difference (N - 2, n) of joint positions (N, n) at N times [s], per s^2."""
+    """Return the second difference (N - 2, n) [1/s^2] of positions (N, n) at N times [s]."""
     if len(time) < 3:
         return np.empty((0, positions.shape[1] if positions.ndim == 2 else 0))
     steps = np.diff(time)[:, None]
@@ -21,7 +25,11 @@ def accelerations(time: np.ndarray, positions: np.ndarray) -> np.ndarray:
 
 
 def scatter(time: np.ndarray, speed: np.ndarray, chosen: np.ndarray) -> float:
-    """Standard deviation [m/s] of a speed (N,) about its mean over 0.1 s, where all is chosen."""
+    """
+    Return the standard deviation [m/s] of a speed (N,) about its mean over 0.1 s.
+
+    Only windows in which all samples are `chosen` and finite count.
+    """
     known = chosen & np.isfinite(speed)
     if np.count_nonzero(known) < 3:
         return float('nan')

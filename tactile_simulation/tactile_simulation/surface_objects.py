@@ -1,4 +1,4 @@
-"""Objects that a round probe touches: signed distances, positive outside, in the base frame."""
+"""Objects for a round probe: signed distances, positive outside, in the base frame."""
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -8,19 +8,23 @@ from scipy.ndimage import map_coordinates
 from tactile_common.errors import ConfigurationError
 
 CELLS = 96  # along the longest side of a mesh's box
-MARGIN = 0.04  # m around it: the centre of a probe must still see which way the mesh is
+MARGIN = 0.04  # m around it: the grid must include the centre of a probe in contact
 
 
 class SolidObject(Protocol):
-    """An object."""
+    """An object defined by signed distances."""
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Signed distances (N,) of points (N, 3) from its surface [m]."""
+        """Return the signed distances (N,) of points (N, 3) from its surface [m]."""
         ...
 
 
 def normal_at(solid: SolidObject, point: np.ndarray) -> np.ndarray:
-    """Outward unit normal (3,) of the level through a point (3,), by differences over 0.01 mm."""
+    """
+    Return the outward unit normal (3,) at a point (3,), from differences over 0.01 mm.
+
+    At a point off the surface, this is the normal of the level set of distances.
+    """
     steps = 1e-5 * np.vstack([np.eye(3), -np.eye(3)])
     distances = solid.distance(point + steps)
     slope = distances[:3] - distances[3:]
@@ -28,24 +32,24 @@ def normal_at(solid: SolidObject, point: np.ndarray) -> np.ndarray:
 
 
 def nearest_point(solid: SolidObject, point: np.ndarray) -> np.ndarray:
-    """Nearest point (3,) of the surface."""
-    for _ in range(3):  # one step is exact where the distance is
+    """Return the nearest point (3,) of the surface."""
+    for _ in range(3):  # one step is enough if the distance is exact
         point = point - solid.distance(point[None])[0] * normal_at(solid, point)
     return point
 
 
 @dataclass(frozen=True)
 class Placed:
-    """An object that was described from the place where it is touched, x along its heading."""
+    """An object placed in the base frame by its first contact and the heading of its x axis."""
 
-    shape: SolidObject  # of its own frame: z inward, the first contact at the origin
+    shape: SolidObject  # in its own frame: z inward, the first contact at the origin
     top: tuple[float, float, float]  # m
-    heading: float = 0.0  # of its x, from the base's [rad]
+    heading: float = 0.0  # angle from the base's x to its x [rad]
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Signed distances (N,) [m]."""
+        """Return signed distances (N,) [m]."""
         cos, sin = np.cos(self.heading), np.sin(self.heading)
-        # x along the heading, z down, y to complete them
+        # x along the heading, z down, y completes the frame
         axes = np.array([[cos, sin, 0.0], [sin, -cos, 0.0], [0.0, 0.0, -1.0]])
         return self.shape.distance((points - np.array(self.top)) @ axes.T)
 
@@ -53,15 +57,14 @@ class Placed:
 @dataclass(frozen=True)
 class Torus:
     """
-    Ring, touched on its outer equator in the contact frame; x along the ring, z inward.
+    Torus touched at its outer equator, in the contact frame: x along the ring, z inward.
 
-    A cylinder is a ring without end, a sphere one without a hole, a plane both.
+    Limits are a cylinder (infinite ring), a sphere (ring of radius 0) and a plane (both infinite).
 
     Parameters
     ----------
     ring : float
-        Radius of the circle on which the tube's centre lies [m]; inf makes a cylinder along x,
-        0 a sphere.
+        Radius of the circle of the tube's centres [m]; inf makes a cylinder along x, 0 a sphere.
     tube : float
         Radius of the tube [m]; inf, with a ring of inf, makes a plane.
     """
@@ -70,7 +73,7 @@ class Torus:
     tube: float
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Signed distances of points (..., 3) [m]."""
+        """Return signed distances of points (..., 3) [m]."""
         x, y, z = np.moveaxis(points, -1, 0)
         outer = self.ring + self.tube
         from_axis = -z if np.isinf(outer) else np.hypot(x, outer - z) - outer
@@ -81,13 +84,13 @@ class Torus:
 
 @dataclass(frozen=True)
 class StepShape:
-    """A plane with a step: from x = `ahead` on it is higher by `height` (lower if negative)."""
+    """A plane with a step: beyond x = `ahead` it is higher by `height` (lower if negative)."""
 
-    height: float  # m; -inf: the plane ends there, to fall off
+    height: float  # m; -inf: the plane ends there
     ahead: float = 0.02  # m
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Signed distances (N,) [m]."""
+        """Return signed distances (N,) [m]."""
         x, up = points[:, 0] - self.ahead, -points[:, 2]
         if self.height >= 0.0:
             return np.minimum(up, _quarter(-x, up - self.height))
@@ -95,18 +98,18 @@ class StepShape:
 
 
 def _quarter(x, y):
-    """Signed distances from what lies at x <= 0 and y <= 0."""
+    """Return signed distances from the quadrant x <= 0 and y <= 0."""
     outside = np.hypot(np.maximum(x, 0.0), np.maximum(y, 0.0))
     return outside + np.minimum(np.maximum(x, y), 0.0)
 
 
 class Mesh:
     """
-    A closed triangle mesh (STL, PLY or what else trimesh reads), its highest point at the origin.
+    A closed triangle mesh (STL, PLY or any format of trimesh), highest point at the origin.
 
-    Distances are interpolated in a grid of distances to the triangles: off by an eighth of a
-    cell's square over the radius where the mesh curves, by a part of a cell at its edges. The
-    scale is from the unit of the file to m.
+    Distances are interpolated in a grid of distances to the triangles. The error where the mesh
+    curves is an eighth of the squared cell size over the radius; at its edges it is a part of a
+    cell. `scale` converts the unit of the file to m.
     """
 
     def __init__(self, path: str, scale: float = 1.0):
@@ -114,7 +117,7 @@ class Mesh:
 
         try:
             mesh = trimesh.load_mesh(path)
-        except Exception as error:  # whatever a reader of files raises
+        except Exception as error:  # readers of mesh files raise many types
             raise ConfigurationError(f'mesh {path}: cannot be read: {error}') from error
         if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
             raise ConfigurationError(f'mesh {path}: has no triangles')
@@ -131,17 +134,21 @@ class Mesh:
                                 vertices[np.asarray(mesh.faces)]).reshape(counts)
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Signed distances (N,) [m]; outside of the grid those of its border."""
+        """Return signed distances (N,) [m]; outside of the grid, those of its border."""
         places = ((points - self._origin) / self._spacing).T
         return map_coordinates(self._grid, places, order=1, mode='nearest')
 
 
 def _distances(points, triangles):
-    """Signed distances of points from triangles (F, 3, 3), by the nearest of many candidates."""
+    """
+    Return signed distances of points from triangles (F, 3, 3).
+
+    The nearest triangle is found approximately, by samples of the surface.
+    """
     from scipy.spatial import cKDTree
     import trimesh
 
-    # The surface, sampled so densely that the nearest sample's triangle is the nearest one.
+    # The samples are so dense that the triangle of the nearest sample is the nearest one.
     samples, faces = trimesh.sample.sample_surface_even(
         trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3),
                         process=False), 40000, seed=0)

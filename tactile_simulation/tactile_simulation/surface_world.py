@@ -16,12 +16,12 @@ from tactile_simulation.sensor import Sensor, Skin
 from tactile_simulation.surface_objects import nearest_point, normal_at, SolidObject
 from tactile_simulation.world import Course, NodeParameters, Scene, Truth, World
 
-PA_PER_COUNT = 1000.0  # of a probe: 15 N on a sphere of its own size do not saturate it
+PA_PER_COUNT = 1000.0  # 15 N on a sphere of the probe's own size do not saturate it
 
 
 @dataclass(frozen=True)
 class Touch:
-    """How the object takes being touched."""
+    """Mechanical properties of the touched object."""
 
     friction: float = bounded(0.0, 'coefficient of Coulomb friction with the skin', '', 0.0, 3.0)
     fragile: float = bounded(0.0, 'force that breaks the object; 0: none does', 'N', 0.0, 1e4)
@@ -32,7 +32,7 @@ class Touch:
 
 @dataclass(frozen=True)
 class SurfaceStart:
-    """Where the probe is at the beginning, see `SurfaceScene.start_pose`."""
+    """Initial place of the probe, see `SurfaceScene.start_pose`."""
 
     x: float = bounded(0.0, 'of the first contact, from where the object is placed', 'm', -1, 1)
     y: float = bounded(0.0, 'likewise', 'm', -1.0, 1.0)
@@ -48,7 +48,7 @@ class SurfaceStart:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceScene(Scene):
-    """An object, and the round probe that touches it."""
+    """An object and the round probe that touches it."""
 
     action: ClassVar[str] = 'track_surface'
     surface: SolidObject
@@ -65,21 +65,21 @@ class SurfaceScene(Scene):
         return Skin(depth=self.dome.depth)
 
     def parameters(self) -> NodeParameters:
-        """Radii of the probe; its contacts by moments, as no model of a flat pad fits them."""
+        """Return the probe's radii and the moments method: no flat-pad model fits its contacts."""
         return NodeParameters(
             servo={'probe.skin_radius': self.dome.skin_radius,
                    'probe.array_radius': self.dome.array_radius},
             shape={'source': 'servo'}, contact={'method': 'moments'})
 
     def start_pose(self) -> np.ndarray:
-        """First pose (4, 4) of the sensor: it looks at the object, and down."""
+        """Return the first pose (4, 4) of the sensor: above the object, z towards it."""
         start = self.start
         above = np.array(self.top) + [start.x, start.y, 0.0]
         contact = nearest_point(self.surface, above)
         outward = normal_at(self.surface, contact)
         level = np.array([1.0, 0.0, 0.0]) - outward[0] * outward
         ahead = level / np.linalg.norm(level)
-        # z into the object, x ahead
+        # z into the object, x forward
         rotation = np.column_stack([ahead, np.cross(-outward, ahead), -outward])
         place = np.array([start.aside_x, start.aside_y])
         rotation = rotation @ _turned_to(self.dome.direction(place)).T
@@ -95,7 +95,7 @@ class SurfaceScene(Scene):
 
 
 def _turned_to(direction):
-    """Rotation (3, 3) that turns z the shortest way to a unit vector."""
+    """Return the rotation (3, 3) that turns z by the shortest way to a unit vector."""
     x, y, z = direction
     return np.array([[1.0 - x * x / (1.0 + z), -x * y / (1.0 + z), x],
                      [-x * y / (1.0 + z), 1.0 - y * y / (1.0 + z), y], [-x, -y, z]])
@@ -103,19 +103,19 @@ def _turned_to(direction):
 
 @dataclass(frozen=True, eq=False)
 class SurfaceTruth(Truth):
-    """A course beside the surface that it followed."""
+    """True course of the probe, compared with the surface that it followed."""
 
-    place: np.ndarray  # (N, 2), of the contact on the pad while it tracks [m]
+    place: np.ndarray  # (N, 2), place of the contact on the pad while tracking [m]
 
 
 class SurfaceWorld(World):
     """
     An object that presses on a round probe.
 
-    The probe's skin presses as an elastic foundation does, by its modulus times the depth to
-    which each point of the surface would lie in the object; the tactels feel that load through
-    the finite elements. Friction acts against the sliding since the pose before. The sensor has
-    been calibrated by the force on it: M0 is that force at the pad's centre.
+    The probe's skin acts as an elastic foundation: its pressure is its modulus times the depth by
+    which each skin point would penetrate the object. Finite elements convert this load to the
+    tactels' pressure. Friction acts against the sliding since the previous pose. The sensor is
+    calibrated by force: M0 is the force at the pad's centre.
     """
 
     def __init__(self, scene: SurfaceScene):
@@ -132,7 +132,7 @@ class SurfaceWorld(World):
         self._loads, self._pressing = np.zeros_like(self._outward), 0.0
 
     def render(self, pose: np.ndarray) -> np.ndarray:
-        """Return the pressure at the tactels (rows, columns), free of noise [Pa]."""
+        """Return the noise-free pressure at the tactels (rows, columns) [Pa]."""
         self._press(pose)
         pressure = superpose(self._operator.green, self._loads) / self._sensitivity
         return pressure.reshape(self.array.shape)
@@ -143,7 +143,7 @@ class SurfaceWorld(World):
         return self._pressing
 
     def _press(self, pose):
-        """Loads (N, 3) of the object on the points of the skin, in the sensor frame [N]."""
+        """Update the loads (N, 3) of the object on the skin points, in the sensor frame [N]."""
         if (pose == self._pose).all():
             return
         before, self._pose = self._pose, pose.copy()
@@ -166,17 +166,17 @@ class SurfaceWorld(World):
         self._loads[touched] = loads
 
     def _sliding(self, touched, points, before):
-        """Directions (K, 3) in which the skin slides over the object, in the sensor frame."""
+        """Return directions (K, 3) of the skin's sliding over the object, in the sensor frame."""
         was = self._operator.points[touched] @ before[:3, :3].T + before[:3, 3]
         moved = (points - was) @ self._pose[:3, :3]
         outward = self._outward[touched]
         along = moved - (moved * outward).sum(axis=1, keepdims=True) * outward
         size = np.linalg.norm(along, axis=1, keepdims=True)
-        least = 1e-7  # m; below, nothing slides
+        least = 1e-7  # m; smaller motions do not count as sliding
         return np.where(size > least, along / np.maximum(size, least), 0.0)
 
     def place_on_pad(self, pose: np.ndarray) -> np.ndarray:
-        """Place (2,) on the pad that is nearest to the object, at a pose (4, 4) [m]."""
+        """Return the place (2,) on the pad nearest to the object, at a pose (4, 4) [m]."""
         rotation = pose[:3, :3]
         centre = pose[:3, 3] + rotation @ self.dome.centre
         return self.dome.place(rotation.T @ -normal_at(self.surface, centre))
@@ -189,7 +189,7 @@ class SurfaceWorld(World):
         return SurfaceTruth(**vars(course), on_target=course.settled, place=place)
 
     def numbers(self, truth: SurfaceTruth, felt: np.ndarray, force: float) -> dict[str, Any]:
-        """Numbers of a summary that only the surface knows, see `World.numbers`."""
+        """Return the values of a summary that need the surface, see `World.numbers`."""
         errors = self.surface.distance(felt) if len(felt) else np.zeros(0)
         aside, tracked = np.hypot(*truth.place.T)[truth.settled], truth.force[truth.tracking]
         fragile = self._touch.fragile
@@ -200,5 +200,5 @@ class SurfaceWorld(World):
             'broken': bool(fragile and largest(truth.force) > fragile)}
 
     def objection(self, numbers: Mapping[str, Any]) -> str:
-        """Nothing fragile may have broken."""
+        """Object if a fragile object broke."""
         return 'what was touched has broken' if numbers['broken'] else ''

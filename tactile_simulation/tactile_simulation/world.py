@@ -1,4 +1,4 @@
-"""What a simulated pad touches: pressure and force at a pose, and the truth about a run."""
+"""Worlds that a simulated pad touches: pressure and force at a pose, and truth of a run."""
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -31,7 +31,7 @@ class Plant:
 
 @dataclass(frozen=True)
 class NodeParameters:
-    """Parameters that a scene's probe asks for, beside those of a file."""
+    """Node parameters that a scene's probe requires, in addition to those of a file."""
 
     servo: Mapping[str, Any] = field(default_factory=dict)
     shape: Mapping[str, Any] = field(default_factory=dict)  # of the shape estimator,
@@ -40,15 +40,15 @@ class NodeParameters:
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Where a pad was in a run, and what it felt there; arrays (N, ...)."""
+    """Course of a pad in a run, with its forces; arrays (N, ...)."""
 
     time: np.ndarray  # s
     poses: np.ndarray  # (N, 4, 4), sensor -> base
     force: np.ndarray  # on the pad [N]
-    shift: np.ndarray  # (N, 3), of the object, which may have slipped [m]
-    progress: np.ndarray  # of the servo by its own account [m]
-    tracking: np.ndarray  # whether the servo followed what it touched
-    settled: np.ndarray  # of it from `SETTLING_LENGTH` after first contact on
+    shift: np.ndarray  # (N, 3), slip of the object [m]
+    progress: np.ndarray  # progress reported by the servo [m]
+    tracking: np.ndarray  # True while the servo tracks
+    settled: np.ndarray  # tracking, from `SETTLING_LENGTH` after first contact on
 
     @cached_property
     def speed(self) -> np.ndarray:
@@ -58,19 +58,19 @@ class Course:
 
 @dataclass(frozen=True, eq=False)
 class Truth(Course):
-    """A course beside what it followed; `settled` ends where that ends."""
+    """A course compared with what it followed; `settled` ends at the end of the edge."""
 
-    on_target: np.ndarray  # where the force can be and is held against its target
+    on_target: np.ndarray  # settled, and the target force can be reached
 
 
 class World(ABC):
     """
-    What the sensor of a scene touches.
+    The object that the sensor of a scene touches.
 
     Attributes
     ----------
     shift : ndarray, shape (3,)
-        How far the object has slipped [m].
+        Slip of the object [m].
     """
 
     def __init__(self, scene: 'Scene'):
@@ -80,7 +80,7 @@ class World(ABC):
 
     @abstractmethod
     def render(self, pose: np.ndarray) -> np.ndarray:
-        """Return the pressure at the tactels (rows, columns), free of noise [Pa]."""
+        """Return the noise-free pressure at the tactels (rows, columns) [Pa]."""
 
     @abstractmethod
     def force(self, pose: np.ndarray) -> float:
@@ -103,52 +103,52 @@ class World(ABC):
     @abstractmethod
     def numbers(self, truth: Any, felt: np.ndarray, force: float) -> dict[str, Any]:
         """
-        Numbers of a summary that only what was touched knows, SI units.
+        Return the values of a summary that need the touched object, in SI units.
 
-        `truth` is of this world; `felt` (N, 3) are the contacts on a surface, or the vertices of
-        an edge's outline [m]; `force` is wanted [N].
+        `truth` comes from this world; `felt` (N, 3) are the contacts on a surface, or the vertices
+        of an edge's outline [m]; `force` is the target [N].
         """
 
     @abstractmethod
     def objection(self, numbers: Mapping[str, Any]) -> str:
-        """Why a goal that the servo met counts as failed by the truth; empty if it does not."""
+        """Return why the truth contradicts a goal that the servo met; empty if it does not."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene(ABC):
-    """A world, the sensor that touches it, and where it begins, as a file describes them."""
+    """A world, its sensor and the start, as described by a file."""
 
-    action: ClassVar[str]  # that a servo is asked for
+    action: ClassVar[str]  # action of the servo
     name: str
     description: str
     sensor: Sensor = field(default_factory=Sensor, kw_only=True)
     plant: Plant = field(default_factory=Plant, kw_only=True)
-    # What the driver knows of the sensor; None: all that the scene says, but for its flaws.
+    # Calibration for the driver; None: derived from the scene, without the sensor's flaws.
     calibration: Path | None = field(default=None, kw_only=True)
 
-    if TYPE_CHECKING:  # a field of some scenes, derived by others
+    if TYPE_CHECKING:  # a field in some scenes, a property in others
         @property
         def skin(self) -> Skin:
             """Skin above the tactels."""
 
     @abstractmethod
     def start_pose(self) -> np.ndarray:
-        """First pose (4, 4) of the sensor in the base."""
+        """Return the first pose (4, 4) of the sensor in the base frame."""
 
     @abstractmethod
     def world(self) -> World:
-        """What the sensor touches."""
+        """Return the object that the sensor touches."""
 
     @property
     def way(self) -> float:
-        """Length that there is to follow [m]; 0 where only a goal says it."""
+        """Length of the path to follow [m]; 0 if only the goal defines it."""
         return 0.0
 
     @property
     def closed(self) -> bool:
-        """Whether what is followed ends where it begins."""
+        """True if the path to follow ends where it begins."""
         return False
 
     def parameters(self) -> NodeParameters:
-        """Parameters of nodes that the probe asks for; none for a flat pad."""
+        """Return the node parameters that the probe requires; none for a flat pad."""
         return NodeParameters()

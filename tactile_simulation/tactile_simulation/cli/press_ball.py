@@ -1,7 +1,7 @@
 """
-Command `press_ball`: what one records of a real array to calibrate it, of a scene's sensor.
+Command `press_ball`: simulated recordings to calibrate the sensor of a scene.
 
-It writes unloaded.npz, ball.npz and flat.npz, the files that `calibrate` takes.
+It writes unloaded.npz, ball.npz and flat.npz, the input files of `calibrate`.
 """
 import argparse
 from pathlib import Path
@@ -15,7 +15,7 @@ from tactile_simulation.scene import describe_scenes, load_scene
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line."""
+    """Return the command-line parser."""
     arguments = Parser(
         prog='press_ball', formatter_class=Help, epilog=describe_scenes(),
         description='Press a small ball on the sensor of a scene, straight, at places that '
@@ -37,7 +37,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(options: argparse.Namespace) -> str:
-    """Write the recordings; returns what was written."""
+    """Write the recordings; return a text about them."""
     press = BallPress(load_scene(options.scene), options.radius, options.force, options.modulus,
                       options.seed)
     folder = Path(options.out)
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> str:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command; 0 if the files were written."""
+    """Run the command; exit status 0 if the files were written."""
     return run_command('press_ball', lambda: run(parser().parse_args(argv)))
 
 

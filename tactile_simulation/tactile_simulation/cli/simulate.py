@@ -1,8 +1,8 @@
 """
-Command `simulate`: a servo follows what a scene shows, without ROS and faster than real time.
+Command `simulate`: a servo follows a scene, without ROS and faster than real time.
 
-The servo, estimator, limits and scene are those of the nodes; the robot is a gantry with the
-lag, dead time and acceleration of the scene's plant, or that of a URDF.
+Servo, estimator, limits and scene are those of the nodes. The robot is a gantry with the lag,
+dead time and acceleration of the scene's plant, or the robot of a URDF.
 """
 import argparse
 from collections.abc import Callable
@@ -32,11 +32,11 @@ LAW_HELP = f'servo law; default: {law_for("track_edge")} for an edge, ' \
     f'{law_for("track_surface")} for a surface'
 PATTERNS = (Pattern.LINE, Pattern.RASTER, Pattern.SPIRAL)
 SEED = between(0, 2**32 - 1, kind=int)
-NODE = '/tactile/edge_servo'  # whose parameters of a file count
+NODE = '/tactile/edge_servo'  # node whose parameters are read from a file
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line; an option that is not given has no attribute, where None says nothing."""
+    """Return the command-line parser; some options have no attribute if they are not given."""
     arguments = Parser(
         prog='simulate', description=__doc__.strip().splitlines()[0], formatter_class=Help,
         epilog=f'{describe_scenes()}\n\n{describe_faults()}')
@@ -79,7 +79,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def edge_goal(options: argparse.Namespace, scene: Any, direction: int = 1) -> EdgeGoal:
-    """Goal of a scene with an edge."""
+    """Return the goal of a scene with an edge."""
     return EdgeGoal(options.speed, options.force, direction, options.length,
                     closed=scene.closed and options.length == 0.0
                     and LAWS[options.law].closes_contours)
@@ -88,7 +88,7 @@ def edge_goal(options: argparse.Namespace, scene: Any, direction: int = 1) -> Ed
 def surface_goal(options: argparse.Namespace, scene: Any, pattern: str = 'line',
                  heading: float = 90.0, size=(0.06, 0.06), step_over: float = 0.006,
                  **_) -> SurfaceGoal:
-    """Goal of a scene with a surface."""
+    """Return the goal of a scene with a surface."""
     angle, kind = np.radians(heading), Pattern[pattern.upper()]
     length = (options.length or LINE_LENGTH) if kind is Pattern.LINE else 0.0
     return SurfaceGoal(options.speed, options.force, kind,
@@ -96,14 +96,14 @@ def surface_goal(options: argparse.Namespace, scene: Any, pattern: str = 'line',
                        size=tuple(size), step_over=step_over)
 
 
-# Of each action of a scene, what makes its goal, and the options that are for it alone.
+# For each action: the function that makes its goal, and the options for this action only.
 GOALS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
     'track_edge': (edge_goal, ('direction',)),
     'track_surface': (surface_goal, ('pattern', 'heading', 'size', 'step_over'))}
 
 
 def goal_of(options: argparse.Namespace, scene: Scene) -> EdgeGoal | SurfaceGoal:
-    """Goal that options ask for; ConfigurationError if one of them is not for this scene."""
+    """Return the goal of the options; ConfigurationError if an option does not apply."""
     make, mine = GOALS[scene.action]
     given = {name: vars(options)[name] for _, names in GOALS.values() for name in names
              if name in options}
@@ -113,12 +113,12 @@ def goal_of(options: argparse.Namespace, scene: Scene) -> EdgeGoal | SurfaceGoal
                 f'--{name.replace("_", "-")} does not apply to {scene.name}: there a servo '
                 f'is asked for {scene.action}')
     goal = make(options, scene, **given)
-    # With faults as `track` asks for it: 1 s.
+    # With faults, 1 s as in `track`.
     return replace(goal, client_timeout=1.0 if options.fault else 0.0)
 
 
 def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:
-    """Closed loop of a scene, with robot, limits, box and settings that options and file say."""
+    """Return the closed loop of a scene with robot, limits, box and settings from the options."""
     file, own = ParameterFile(options.parameters), scene.parameters()
     config = file.config(NODE, ServoConfig)
     check_goal(options.speed, options.force, config)
@@ -142,7 +142,7 @@ def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:
 
 
 def law_of(options: argparse.Namespace, scene: Scene) -> str:
-    """Law that options or file ask for; ConfigurationError where the file has what no law has."""
+    """Return the law from options or file; ConfigurationError for parameters of no law."""
     file = ParameterFile(options.parameters)
     known = {parameter.name for row in LAWS.values() for parameter in parameters_of(
         (NodeConfig, ServoConfig, row.law.config_type))}
@@ -154,7 +154,7 @@ def law_of(options: argparse.Namespace, scene: Scene) -> str:
 
 
 def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
-    """Simulate as the options say: Simulation and summary."""
+    """Simulate with the options; return Simulation and summary."""
     scene = load_scene(options.scene)
     options.law = law_of(options, scene)
     goal = goal_of(options, scene)
@@ -163,13 +163,13 @@ def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
     simulation.run(goal, options.timeout)
     summary = simulation.summary(goal, time.perf_counter() - begin)
     if options.plot:
-        from tactile_simulation.plot import draw  # matplotlib takes a second
+        from tactile_simulation.plot import draw  # matplotlib takes a second to import
         draw(simulation, options.plot)
     return simulation, summary
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command; exit status 0 only if what was asked for was tracked."""
+    """Run the command; exit status 0 only if the goal was met."""
     with refusing('simulate') as command:
         options = parser().parse_args(argv)
         _, summary = run(options)

@@ -1,1 +1,1 @@
-"""ROS nodes that stand in for a sensor and a robot."""
+"""ROS nodes that simulate a sensor and a robot."""

@@ -1,4 +1,4 @@
-"""A robot that is not there, behind a joint_trajectory_controller's topics."""
+"""Simulated robot behind the topics of a joint_trajectory_controller."""
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
@@ -24,7 +24,7 @@ class MockRobotNode(TactileNode):
     Attributes
     ----------
     rejected, late : int
-        Trajectories that were rejected, and those of them for coming too late.
+        Number of rejected trajectories, and of those among them that arrived too late.
     """
 
     def __init__(self, **kwargs):
@@ -77,7 +77,7 @@ class MockRobotNode(TactileNode):
 
 
 def _start(config, robot):
-    """Joint positions to begin at: given, those of the scene's start pose, or the middle."""
+    """Return the initial joint positions: given, of the scene's start pose, or the middle."""
     seed = config.initial_positions or None
     if config.scene:
         return robot.inverse(load_scene(config.scene).start_pose(), seed)

@@ -1,4 +1,4 @@
-"""Node that stands in for a tactile sensor and speaks its bytes on a pseudo-terminal."""
+"""Simulated tactile sensor node that sends a device's bytes on a pseudo-terminal."""
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 import itertools
@@ -28,7 +28,7 @@ from tactile_simulation.scene import load_scene
 
 @dataclass(frozen=True)
 class MockSensorConfig:
-    """Parameters of the mock sensor; `port` and one of `scene` and `recording` are demanded."""
+    """Parameters of the mock sensor; `port` and either `scene` or `recording` are required."""
 
     port: str = field(default='', metadata={
         'doc': 'path of the link to the pseudo-terminal, which the driver opens'})
@@ -61,22 +61,22 @@ class MockSensorConfig:
 
 class MockSensorNode(TactileNode):
     """
-    Sensor that exists only as bytes: renders a scene at the robot's pose, or plays a recording.
+    Simulated sensor that renders a scene at the robot's pose, or plays a recording, as bytes.
 
-    A frame is sent as a device sends it behind the one before, with whatever announces the next;
-    commands are answered, and faults of the line happen on request. The first frame waits for the
-    first listener; before the first `sensor_pose` the sensor touches nothing. A frame shows the
-    pose at its own instant, or it is not sent: an old pose in a frame that looks new makes a servo
-    press on. Most of its attributes are ROS entities.
+    Frames are sent as a device sends them, with the bytes that separate them. Commands are
+    answered, and faults of the line are simulated on request. The first frame waits for the first
+    listener. Before the first `sensor_pose` the sensor touches nothing. A frame that has no pose
+    for its own instant is not sent: an old pose in a frame with a new stamp would make a servo
+    press further. Most of the attributes are ROS entities.
 
     Attributes
     ----------
     finished : threading.Event
         Set when a recording has been sent to its end.
     sent, dropped, late, blind : int
-        Frames written; lost because the listener did not read; of a scene left out because the
-        machine was too slow for them, or because no pose was known at their instant. Without a
-        listener none of them is counted.
+        Number of frames that were written; lost because the listener did not read; not sent
+        because the machine was too slow; not sent because no pose was known at their instant.
+        The last two apply to scenes only. Without a listener, `sent` and `dropped` do not count.
     """
 
     def __init__(self, **kwargs):
@@ -84,7 +84,7 @@ class MockSensorNode(TactileNode):
         self.finished = threading.Event()
         self.sent = self.dropped = self.late = self.blind = 0
         self._reported = 0
-        self._in_step = False  # whether the listener has got what precedes the next frame
+        self._in_step = False  # True if the listener has the next frame's preamble
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         try:
@@ -94,7 +94,7 @@ class MockSensorNode(TactileNode):
             self._set_faults(self._config)
             follow_changes(self, MockSensorConfig, self._set_faults)
             self._fault_rng = np.random.default_rng(self._config.seed)
-            self._lock = threading.Lock()  # of the poses: a callback writes, the thread reads
+            self._lock = threading.Lock()  # protects the poses, which a callback writes
             self._open_source()
             self._port = PseudoTerminal(self._config.port)
         except BaseException:
@@ -107,7 +107,7 @@ class MockSensorNode(TactileNode):
         """Stop sending, hang up, remove the link and destroy the node."""
         self._stop.set()
         thread, self._thread = self._thread, None
-        if thread is not None:  # else the port was never opened, or is closed already
+        if thread is not None:  # otherwise the port was never opened, or is already closed
             thread.join()
             self._port.close()
         super().destroy_node()
@@ -122,12 +122,12 @@ class MockSensorNode(TactileNode):
             scene = load_scene(config.scene)
             self._world = scene.world()
             self._rng = np.random.default_rng(config.seed)
-            # Compiled now rather than at the first touch.
+            # Compile kernels now, not at the first contact.
             self._world.render(scene.start_pose())
             self._recorded = None
             self._period = 1.0 / config.rate
             age = round(config.max_pose_age * NS)
-            # As many as a robot has in a second, at any rate.
+            # Enough for one second at any rate of the robot.
             self._poses = StateBuffer(pose_between, size=2000, max_gap_ns=2 * age,
                                       max_ahead_ns=age, restart_ns=NS)
             self.create_subscription(
@@ -157,7 +157,7 @@ class MockSensorNode(TactileNode):
                 f'sensor_pose is passed over: {error}', throttle_duration_sec=5.0)
 
     def _frame(self, number, instant):
-        """Counts of a frame that shows an instant of the steady clock; None: not to be sent."""
+        """Return the counts of a frame at an instant of the steady clock; None: do not send it."""
         if self._recorded is not None:
             return self._recorded[number % len(self._recorded)]
         behind = time.monotonic() - instant
@@ -168,7 +168,7 @@ class MockSensorNode(TactileNode):
             self.blind += 1
             return None
         counts = self._world.counts(pose, self._rng, instant)
-        # Two periods late its stamp would be too young.
+        # If it is two periods late, its stamp would be too new.
         if time.monotonic() - instant - self._config.latency > 2.0 * self._period:
             self.late += 1
             return None
@@ -233,7 +233,7 @@ class MockSensorNode(TactileNode):
 
 
 def main(args=None) -> int:
-    """Run the mock sensor as a program."""
+    """Run the mock sensor node."""
     return run(MockSensorNode, args)
 
 
