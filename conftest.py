@@ -1,16 +1,16 @@
-"""For the tests of all packages: one thread, a ROS domain of their own, who runs alone."""
+"""Settings for the tests of all packages: one thread, a ROS domain, tests that run alone."""
 from functools import lru_cache
 import os
 from pathlib import Path
 
-# Before numpy is loaded: threads of its matrices, one for every core of the host, wait for each
-# other where others compute as well.
+# Set before numpy is loaded: its threads, one per core of the host, wait for each other on a busy
+# machine.
 for _library in ('OMP', 'OPENBLAS', 'MKL'):
     os.environ.setdefault(f'{_library}_NUM_THREADS', '1')
 
 try:
     from tactile_common.ros.domains import hold_domain
-except ImportError:  # tests of tools alone, without the workspace
+except ImportError:  # only tests of tools, without the workspace
     pass
 else:
     if not os.environ.get('ROS_DOMAIN_ID'):
@@ -18,7 +18,7 @@ else:
 
 ROOT = Path(__file__).resolve().parent
 WHOLE = (ROOT / 'test', ROOT / 'launch/test')  # tests of processes and of the whole system
-# Those of WHOLE that start nothing and time nothing.
+# Tests in WHOLE that start no processes and measure no times.
 BESIDE = {f'test_{name}.py' for name in (
     'cdr', 'docs', 'executables', 'golden_bags', 'hostile_files', 'import_contracts',
     'matrix_fit', 'mistakes', 'package_files', 'parameter_file', 'public_names', 'read_run',
@@ -28,14 +28,14 @@ BESIDE = {f'test_{name}.py' for name in (
 
 @lru_cache
 def of_a_graph(path):
-    """Whether a test file starts ROS nodes, or times processes."""
+    """Return True if a test file starts ROS nodes or measures times of processes."""
     if path.parent in WHOLE:
         return path.name not in BESIDE
     return 'rclpy' in path.read_text(encoding='utf-8')
 
 
 def pytest_collection_modifyitems(items):
-    """Mark the tests that no other test may run beside."""
+    """Mark the tests that must run alone."""
     for item in items:
         if of_a_graph(item.path):
             item.add_marker('graph')

@@ -1,4 +1,4 @@
-"""Sphinx: the site of these pages, made by `./ws docs`."""
+"""Sphinx configuration of the documentation site, built by `./ws docs`."""
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -13,7 +13,7 @@ napoleon_use_rtype = False
 myst_heading_anchors = 4
 suppress_warnings = [
     'misc.highlighting_failure',  # `sh` with placeholders
-    'ref.python']  # `shape` in a type of numpydoc is no link
+    'ref.python']  # `shape` in a numpydoc type is not a link
 html_theme = 'furo'
 html_title = project
 html_static_path = ['static']

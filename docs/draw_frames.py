@@ -1,4 +1,4 @@
-"""Draw frames.svg: the array seen from the object, and the pad over an edge from the side."""
+"""Draws frames.svg: the array seen from the object, and the pad over an edge from the side."""
 from pathlib import Path
 
 import matplotlib
@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch, Rectangle
 
 INK, SKIN, EDGE, GREY = '#20262c', '#5aa897', '#c05a00', '#aab3b8'
-# The same bytes each time, and text as text.
+# Reproducible output, with text as text.
 matplotlib.rcParams.update({'svg.hashsalt': 'frames', 'svg.fonttype': 'none'})
 
 
@@ -17,7 +17,7 @@ def arrow(axis, begin, end, text, at, colour=INK):
 
 
 def from_the_object(axis):
-    """Array as one sees it who looks along -z: x to the right, y up."""
+    """Draw the array seen along -z: x to the right, y up."""
     axis.set_title('seen from the object (z points at you)', fontsize=11)
     axis.add_patch(Rectangle((-8, -8), 16, 16, color=SKIN, alpha=0.25))
     for i in range(16):
@@ -30,13 +30,13 @@ def from_the_object(axis):
     axis.text(-2.2, 10.6, 'edge, yaw > 0', color=EDGE, fontsize=10, ha='center')
     arrow(axis, (0, 0), (0, 6.5), 'y', (-0.9, 6))
     arrow(axis, (0, 0), (6.8, 0), 'x', (7.2, -1))
-    axis.plot(3.19, 0, 'o', color=EDGE)  # the middle of what is on the array
+    axis.plot(3.19, 0, 'o', color=EDGE)  # middle of the edge's part on the array
     axis.text(1.6, -1.2, '(x, y)', color=EDGE, fontsize=10)
     axis.set(xlim=(-12, 12), ylim=(-13, 13))
 
 
 def from_the_side(axis):
-    """Robot, pad and edge from the side."""
+    """Draw robot, pad and edge from the side."""
     axis.set_title('from the side', fontsize=11)
     axis.add_patch(Rectangle((-3, 13), 6, 6, color=GREY))
     axis.text(0, 16, 'flange', ha='center', va='center', fontsize=10)

@@ -1,7 +1,7 @@
 """
-Pages that are made from the code: parameters, troubleshooting, and the notebook with its output.
+Generates pages from the code: parameters, troubleshooting, and the notebook with output.
 
-`./ws docs` writes them; a test holds that they are as written.
+`./ws docs` writes them; a test checks that they are up to date.
 """
 from contextlib import redirect_stdout
 from io import StringIO
@@ -16,7 +16,7 @@ from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.reasons import ReasonCode
 
 FOLDER = Path(__file__).parent
-# Usual cause and remedy by the name of a reason, of the servo and of contacts; and what else.
+# Usual cause and remedy by the names of the servo's and contacts' reasons, and of other problems.
 REMEDIES = yaml.safe_load((FOLDER / 'remedies.yaml').read_text('utf-8'))
 NOTEBOOK = FOLDER / 'frames_to_contour.py'
 MADE = '<!-- Made by docs/generate.py: `./ws docs`. -->\n'
@@ -25,13 +25,13 @@ GROUPS = {0: 'Normal states', 100: 'Ends of a goal that was met', 200: 'Holds',
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
-    """Text of a Markdown table."""
+    """Return the text of a Markdown table."""
     lines = [head, ['---'] * len(head), *rows]
     return '\n'.join(f'| {" | ".join(line)} |' for line in lines) + '\n'
 
 
 def parameters_page() -> str:
-    """Every parameter of every node, from the dataclasses that the nodes declare theirs from."""
+    """Return the page of all parameters, from the dataclasses in which the nodes declare them."""
     text = [MADE, """\
 # Parameters
 
@@ -70,7 +70,7 @@ def _plain(value) -> str:
 
 
 def troubleshooting_page() -> str:
-    """Cause and remedy of each reason."""
+    """Return the page with cause and remedy of each reason."""
     text = [MADE, """\
 # Troubleshooting
 
@@ -100,9 +100,9 @@ ros2 topic echo /diagnostics
 
 def notebook_page(save: bool = True) -> str:
     """
-    Notebook with what its cells print; with `save`, also writes the figures that they make.
+    Return the notebook with the output of its cells; `save` also writes their figures.
 
-    It is a script in percent format, for a notebook file would need Jupyter to be run.
+    It is a script in percent format, because a notebook file would need Jupyter to run.
     """
     import matplotlib
     matplotlib.use('Agg')
