@@ -1,4 +1,4 @@
-"""Benchmarks; one core each, which has to be said before numpy is loaded."""
+"""Benchmarks; each uses one core, which must be set before numpy is loaded."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""What every benchmark does: a progress bar, results, pictures and its results page in docs/."""
+"""Common parts of the benchmarks: progress bar, results, pictures, results page in docs/."""
 
 import argparse
 from importlib import import_module
@@ -18,12 +18,12 @@ END = '<!-- end of print -->'
 
 
 class Steps(Progress):
-    """Progress bar of a known number of pieces of work."""
+    """Progress bar of a known number of steps."""
 
     _begun = 0
 
     def step(self, what):
-        """Count one piece, about to begin."""
+        """Show and count a step that is about to begin."""
         self.show(self._begun, 'bench', what)
         self._begun += 1
 
@@ -35,15 +35,15 @@ def run(name, description, measure, pieces, options=None):
     Parameters
     ----------
     name : str
-        Of the page results_NAME.md in docs/, and of the folder with its `tables` and `charts`.
+        Name of the page results_NAME.md in docs/, and of the folder with `tables` and `charts`.
     description : str
-        For --help.
+        Description for --help.
     measure : callable
-        Of the arguments and Steps: everything that tables and pictures show, as a dictionary.
+        Takes the arguments and Steps; returns all data of tables and pictures as a dictionary.
     pieces : callable
-        Of the arguments: how many steps there will be.
+        Takes the arguments; returns the number of steps.
     options : dict, optional
-        More options: flag and keywords of `add_argument`.
+        Additional options: flag and keywords of `add_argument`.
     """
     parser = argparse.ArgumentParser(
         prog=f'./ws bench {name}', description=description.strip(),
@@ -81,7 +81,7 @@ def run(name, description, measure, pieces, options=None):
 
 
 def table(head, rows):
-    """Markdown."""
+    """Return a Markdown table."""
     lines = ['| ' + ' | '.join(head) + ' |', '|' + ' --- |' * len(head)]
     return '\n'.join(lines + ['| ' + ' | '.join(row) + ' |' for row in rows])
 
@@ -93,7 +93,7 @@ def _print_into(page, begin, text):
 
 
 def finite(value):
-    """Six digits of every number, and None, which strict JSON has, for what is not finite."""
+    """Round all numbers to six digits, and replace non-finite ones by None for strict JSON."""
     if isinstance(value, dict):
         return {key: finite(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -104,7 +104,7 @@ def finite(value):
 
 
 def as_json(result):
-    """Strict JSON with one row of a table to a line; what begins with _ is for pictures only."""
+    """Return strict JSON with one table row per line, without keys that begin with _."""
     parts = []
     for key, value in result.items():
         text = json.dumps(value, allow_nan=False)

@@ -1,11 +1,11 @@
 """
-What calibrations are worth: pictures by finite elements, digitised, calibrated, estimated.
+Accuracy of calibrations: finite-element images, digitised, calibrated and estimated.
 
-Everything goes the way of the commands `calibrate` and `estimate`. Tables are printed, of
-sensors whose gains differ (`gains`) and what can be had of these at best (`bound`), converters
-(`counts`), skins (`skins`) and objects on them (`objects`); what is taken for the noise of a
-single picture where nobody tells it (`noise`); and how edges are followed with sensors of the
-scene `real_skin` that differ in their gains, each calibrated in the simulation (`specimens`).
+All steps use the code of the commands `calibrate` and `estimate`. The tables are: sensors with
+different gains (`gains`) and the best possible result for them (`bound`), converters (`counts`),
+skins (`skins`) and objects on them (`objects`); the noise that is estimated from a single image if
+none is given (`noise`); and edge tracking with sensors of the scene `real_skin` that differ in
+their gains, each calibrated in the simulation (`specimens`).
 """
 
 import argparse
@@ -27,21 +27,21 @@ from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.ball_press import BallPress, MODULUS
 
-NOISE = 0.01  # of the highest tactel: 40 dB
+NOISE = 0.01  # as a share of the highest tactel: 40 dB
 SIDES = 5, 6, 8, 12, 16, 32  # of pads
 FOLLOWED = {'real_skin': 0.03, 'real_skin_course': 0.1}  # scenes of one sensor, speeds [m/s]
-BALL, FORCE = 3e-3, 1.0  # m, N: with what it is pressed
-WIDE = 11e-3  # m from the middle, within which balls are pressed for the gains
+BALL, FORCE = 3e-3, 1.0  # m, N: radius and force of the ball
+WIDE = 11e-3  # m, largest distance from the middle of presses for the gains
 
 
 @dataclass(frozen=True)
 class Converter:
-    """From pressure to counts."""
+    """Conversion of pressure to counts."""
 
     bits: int = 12
     signed: bool = False
     offset: float = 0.05  # of full scale
-    threshold: float = 0.0  # standard deviations of noise; what is smaller is set to zero
+    threshold: float = 0.0  # standard deviations of noise; smaller values become zero
     exact: bool = False  # floats, not counts
 
     @property
@@ -55,7 +55,7 @@ class Converter:
         return 0.8 * self.full
 
     def __call__(self, pictures, rng, gains=1.0):
-        """Counts of pictures whose highest value is 1."""
+        """Convert images whose highest value is 1 to counts."""
         noise = NOISE * self.peak
         counts = self.peak * gains * pictures + self.offset * self.full
         counts = counts + noise * rng.standard_normal(pictures.shape)
@@ -68,7 +68,7 @@ class Converter:
 
 
 def ball(backing, poisson=0.45, radius=1e-3):
-    """Profile of a ball."""
+    """Return the profile of a ball."""
     [found] = [it for it in profiles() if it['kind'] == 'ball' and it['radius'] == radius
                and it['backing'] == backing and it['poisson'] == poisson]
     return found
@@ -76,7 +76,12 @@ def ball(backing, poisson=0.45, radius=1e-3):
 
 def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=1.0, held=1,
         poisson=None):
-    """Calibration by presses of a ball, with `least` times its force to all, held some frames."""
+    """
+    Return the calibration from presses of a ball.
+
+    Each press has a random force, from `least` times the profile's force to all of it, and lasts
+    `held` frames.
+    """
     highest = profile['pressure'].max()
 
     def pressed(count, reach):
@@ -94,14 +99,14 @@ def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=
 
 
 def estimated(calibration, counts, **config):
-    """What is estimated of frames of counts."""
+    """Return the estimates of frames of counts."""
     estimator = ContactEstimator(EstimatorConfig(tactel='area', **config))
     return estimator.estimate_batch(
         calibration.stress(counts), calibration.array, [calibration.layer()])
 
 
 def points(found, places, force):
-    """Share that is valid; errors and what they are over the claims, of place and force."""
+    """Return the valid share, and errors of place and force, also relative to the claims."""
     good = found['valid'] & (found['type'] == 1)
     off = np.stack([found['x'], found['y']], -1)[good] - places[good]
     own = np.sqrt(np.stack([found['covariance'][good, k, k] for k in (0, 1)], -1))
@@ -125,7 +130,7 @@ HEADER = ['valid', 'place [mm]', 'over claim', 'force', 'spread', 'over claim']
 
 
 def gains(seeds):
-    """Gains 10 % off, before and after forty presses all over the pad."""
+    """Test gains with 10 % scatter, before and after forty presses all over the pad."""
     profile, array, rows = ball(6e-3), ARRAYS['16x16'], {}
     highest = profile['pressure'].max()
     for seed in range(seeds):
@@ -167,7 +172,7 @@ CONVERTERS = {
 
 
 def counts(seeds):
-    """The same frames through converters."""
+    """Test the same frames with different converters."""
     profile, array, rows = ball(6e-3), ARRAYS['16x16'], {}
     highest = profile['pressure'].max()
     for seed in range(seeds):
@@ -189,7 +194,7 @@ def counts(seeds):
 
 
 def objects(seeds):
-    """Balls, wedges and punches on skins, each skin calibrated from twenty presses."""
+    """Test balls, wedges and punches on skins, each calibrated from twenty presses."""
     rows, frames = {}, 40
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
@@ -218,7 +223,7 @@ def objects(seeds):
 
 
 def skins(seeds):
-    """What twenty presses of a ball tell of skins."""
+    """Test the skins that twenty presses of a ball give."""
     rows, array = [], ARRAYS['16x16']
     for backing, poisson in sorted({(float(it['backing']), float(it['poisson']))
                                     for it in profiles()}):
@@ -243,7 +248,7 @@ def skins(seeds):
 
 
 def noise(seeds):
-    """Noise found in single pictures over the true one: medians of 100 for each seed, and all."""
+    """Compare the noise found in single images with the true one: medians of 100 per seed."""
     rows = []
     for side in SIDES:
         found = []
@@ -267,7 +272,7 @@ def noise(seeds):
 
 
 def specimens(seeds):
-    """Edges, followed with six sensors for each seed, calibrated by sixty presses of a ball."""
+    """Track edges with six sensors per seed, calibrated by sixty presses of a ball."""
     rows = {name: [] for name in FOLLOWED}
     with TemporaryDirectory() as folder, Steps(6 * seeds) as steps:
         for number in range(6 * seeds):
@@ -292,7 +297,7 @@ def _with_specimen(scene, number):
 
 
 def pressed(scene, seed):
-    """Calibration of a scene's sensor, by what `press_ball` and `calibrate` do."""
+    """Calibrate a scene's sensor in the same way as `press_ball` and `calibrate`."""
     press = BallPress(scene, BALL, FORCE, MODULUS, seed)
     unloaded, ball, flat = press.unloaded(100), press.frames(20), press.frames(40)
     recordings = Recordings(unloaded=unloaded, ball=ball, ball_radius=BALL, flat=flat,
@@ -302,7 +307,7 @@ def pressed(scene, seed):
 
 
 def scaled(found, highest, skin):
-    """Forces of pictures that the converter has scaled to their highest pressure."""
+    """Convert forces of images that the converter scaled to their highest pressure."""
     found = found.copy()
     factor = highest / ball(*skin)['pressure'].max()
     for name, row in (('normal_force', 3), ('line_force', 6)):

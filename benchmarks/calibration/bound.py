@@ -1,8 +1,8 @@
 """
-What presses can tell of gains at best, and what that does to a contact: the information bound.
+Information bound: how accurate gains can be after presses, and contacts with these gains.
 
-Unknown are all gains, which chance spreads, and of every press its place and shear; its force is
-that of all. Noise is that of the pictures. Contacts are fitted with the best weights.
+Unknown are all gains, which scatter randomly, and place and shear of every press; all presses have
+the same known force. The noise is that of the images. Contacts are fitted with optimal weights.
 """
 
 import numpy as np
@@ -14,16 +14,16 @@ from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 
 ARRAY, SKIN, PATCH = ARRAYS['16x16'], Skin(DEPTH, 6e-3, 0.45), 0.5e-3  # radius [m]
-SPREAD, SHEAR = 0.1, 0.1  # of the gains; of shear over the force
-BALLS, REACH = 20, (8e-3, 11e-3)  # presses of the ball; m from the middle, of these and the others
+SPREAD, SHEAR = 0.1, 0.1  # standard deviations of the gains, and of shear / force
+BALLS, REACH = 20, (8e-3, 11e-3)  # presses of the ball; largest distances of both kinds [m]
 CONTACTS, STEP = 60, 1e-6
-# Presses, whether evenly all over the pad, frames of each.
+# Number of presses, True if evenly distributed over the pad, frames of each press.
 CASES = ((40, False, 1), (80, False, 1), (120, False, 1), (40, True, 1), (60, True, 1),
          (40, False, 10), (40, True, 10))
 
 
 def slopes(pressure, a, b):
-    """Pressure of a unit of force, and its derivatives by place and shear, (tactels, 5)."""
+    """Return the pressure of a unit force and its derivatives by place and shear, (tactels, 5)."""
     x, y = ARRAY.x[None, :], ARRAY.y[:, None]
 
     def basis(a, b):
@@ -34,9 +34,9 @@ def slopes(pressure, a, b):
 
 
 def covariance(pressure, places, noise, frames):
-    """Of the gains, (tactels, tactels), by presses at places (N, 2)."""
+    """Return the covariance of the gains (tactels, tactels) after presses at places (N, 2)."""
     count = ARRAY.rows * ARRAY.columns
-    # The mean of the gains is free: the known force tells it.
+    # The mean of the gains has no prior: the known force determines it.
     information = (np.eye(count) - 1.0 / count) / SPREAD**2 + 1e-3 * np.eye(count)
     for place in places:
         columns = slopes(pressure, *place) * np.sqrt(frames) / noise
@@ -47,7 +47,7 @@ def covariance(pressure, places, noise, frames):
 
 
 def errors(pressure, gains, noise, places):
-    """RMS errors (place [m], force) of contacts, with and without unknown shear, (2, 2)."""
+    """Return RMS errors (place [m], force) of contacts, with and without unknown shear, (2, 2)."""
     squares = np.zeros((len(places), 2, 2))
     for i, place in enumerate(places):
         columns = slopes(pressure, *place)
@@ -61,7 +61,7 @@ def errors(pressure, gains, noise, places):
 
 
 def drawn(count, evenly, rng, reach):
-    """Places of presses (count, 2) [m]; evenly: about the points of a grid."""
+    """Draw places of presses (count, 2) [m]; if evenly, near the points of a grid."""
     if not evenly:
         return rng.uniform(-reach, reach, (count, 2))
     side = round(count**0.5)
@@ -72,7 +72,7 @@ def drawn(count, evenly, rng, reach):
 
 
 def bound(seeds):
-    """Least errors of contacts after presses, over those of an array of uniform gains."""
+    """Return the table of least errors after presses, relative to those with uniform gains."""
     sizes = ARRAY.pitch_x, ARRAY.pitch_y
     pressure = SkinPressure(SKIN, *sizes)
     noise = NOISE * float(SkinPressure(SKIN).point(0.0, 0.0, 0.0, 0.0, 1.0, radius=PATCH))

@@ -1,5 +1,5 @@
 """
-Contact estimation: speed and accuracy beside the thesis and other libraries, and golden frames.
+Contact estimation: speed and accuracy compared with the thesis and libraries; golden frames.
 
 Prints tables, and writes benchmarks/results/contact.json, a picture into docs/ and the tables
 into docs/results_contact.md. Times are processor time on one core, the least of several repeats.
@@ -17,7 +17,7 @@ from benchmarks.harness import run
 
 
 def measure(arguments, progress):
-    """Everything that the tables and the picture show, as one dictionary."""
+    """Return all data of the tables and the picture as one dictionary."""
     if arguments.peers:
         sys.path.append(arguments.peers)
     peers, missing = peer.load()

@@ -1,4 +1,4 @@
-"""Speed and accuracy of every method on the half-space, beside the Cramer-Rao bound."""
+"""Speed and accuracy of every method on the half-space, compared with the Cramer-Rao bound."""
 
 import time
 
@@ -9,13 +9,13 @@ from benchmarks.contact.methods import methods, names_of
 
 DECIBELS = 40.0
 CASES = ('point', 'm1'), ('point', 'm2'), ('point', 'm3'), ('line', 'm1')
-WITHIN = np.radians(40.0)  # of y, for lines: the closed forms see no others
+WITHIN = np.radians(40.0)  # largest angle of lines from y: the closed forms need it
 TRUTH = {'point': ('x', 'y', 'force', 'shear_x', 'shear_y'), 'line': ('rho', 'yaw', 'force')}
 SINGLE, BATCH = 20, 500  # frames that are timed
 
 
 def contacts(kind, model, count, rng):
-    """Arrays of a set: points with shear, lines without, which most methods do not know."""
+    """Return the arrays of a set: points with shear, lines without (few methods model it)."""
     if kind == 'point':
         return half_space(rng, count, kind, PADS['26x26'], DECIBELS, model=model)
     arrays = half_space(rng, 3 * count, kind, PADS['16x16'], DECIBELS, shear=(0.0, 0.0))
@@ -25,7 +25,7 @@ def contacts(kind, model, count, rng):
 
 
 def least_time(function, *, budget, repeats=5):
-    """Processor time of one call [s]: least of several repeats within a budget [s]."""
+    """Return the processor time of one call [s]: the least of repeats within a budget [s]."""
     function()
     start = time.thread_time()
     function()
@@ -40,7 +40,7 @@ def least_time(function, *, budget, repeats=5):
 
 
 def times(method, frames, budget):
-    """Seconds of a single call and per frame of a batch; None where there is none."""
+    """Return the time of a single call and per frame of a batch [s]; None if not available."""
     single = batched = None
     if method.one:
         some = frames[:SINGLE]
@@ -52,7 +52,7 @@ def times(method, frames, budget):
 
 
 def accuracy(method, arrays, frames):
-    """RMS errors, their geometric mean over the Cramer-Rao bound, share refused."""
+    """Return RMS errors, their geometric mean over the Cramer-Rao bound, and share refused."""
     kind = arrays['kind']
     truth = np.column_stack([arrays[name] for name in TRUTH[kind]])
     found, bound = method.run(frames), np.array(arrays['crb'])[:, :truth.shape[1]]
@@ -67,7 +67,7 @@ def accuracy(method, arrays, frames):
 
 
 def speed_and_accuracy(count, peers, rng, progress, budget):
-    """Rows of every method for points of models 1 to 3 and for lines."""
+    """Return the rows of every method for points of models 1 to 3 and for lines."""
     rows = []
     for kind, model in CASES:
         progress.step(f'{kind}, model {model[1]}')

@@ -34,7 +34,7 @@ def draw(result, folder):
 
 
 def _mark(axis, row, unit):
-    """One method: its calls, and a name where it is not that of model 1 again."""
+    """Draw the calls of one method; only rows of model 1 get a name."""
     own, thesis = row['method'].startswith('estimator'), row['method'].startswith('thesis')
     colour = OURS if own else THESIS if thesis else OTHERS
     times = [row[key] / unit for key in ('single_s', 'batched_s') if row[key]]

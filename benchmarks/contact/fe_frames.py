@@ -1,11 +1,11 @@
 """
-Pressure in a skin on bone that an object indents, by finite elements: the judge of the estimator.
+Finite-element pressure in a skin on bone that an object indents: reference for the estimator.
 
-Nothing is shared with `tactile_sensing.skin`: displacements of second order on a graded mesh of
-quadrilaterals, axisymmetric for balls and round punches, plane strain for wedges with a round tip
-and flat strips. A rigid object is pressed in without friction; penalties where it touches,
-repeated until the part that touches stays the same. `python -m benchmarks.contact.fe_frames`
-writes the profiles of pressure at the depth of the tactels to fe_frames.npz; needs scikit-fem.
+It shares no code with `tactile_sensing.skin`. Displacements are of second order on a graded mesh
+of quadrilaterals: axisymmetric for balls and round punches, plane strain for wedges with a round
+tip and flat strips. A rigid object is pressed in without friction. Penalties act where it touches;
+this is repeated until the contact area no longer changes. `python -m benchmarks.contact.fe_frames`
+writes the profiles of pressure at the depth of the tactels to fe_frames.npz; it needs scikit-fem.
 """
 
 from dataclasses import dataclass
@@ -15,18 +15,18 @@ from pathlib import Path
 import numpy as np
 
 DEPTH = 2e-3  # of the tactels [m]
-MODULUS = 0.4e6  # Pa; Shore A 10 or so
+MODULUS = 0.4e6  # Pa; about Shore A 10
 BACKINGS = (math.inf, 10e-3, 8e-3, 6e-3, 4e-3, 2e-3)  # depth of the bone [m]
 POISSONS = (0.3, 0.45, 0.49)
 BALLS = (0.5e-3, 1e-3, 2e-3, 3e-3)  # radius [m]
-WEDGES = (1e-3, 3e-3)  # of the tip [m]
+WEDGES = (1e-3, 3e-3)  # radius of the tip [m]
 PUNCHES = (2e-3, 3e-3)  # radius or half width [m]
 RADII = np.concatenate([np.linspace(0.0, 8e-3, 161), np.linspace(8.1e-3, 36e-3, 100)])
-THICK = 50e-3  # stands for no bone [m]
+THICK = 50e-3  # thickness that represents a skin without bone [m]
 FILE = Path(__file__).with_name('fe_frames.npz')
 KINDS = 'ball', 'wedge', 'round punch', 'strip'
-# Kind of object, its radius or half width [m], depth of the bone [m], Poisson's ratio, how deep
-# it is pressed [m], its force [N] or [N/m], half width of what touches [m], pressure at RADII.
+# Kind of object, its radius or half width [m], depth of the bone [m], Poisson's ratio,
+# indentation [m], force [N] or [N/m], half width of the contact area [m], pressure at RADII.
 PROFILE = np.dtype([
     ('kind', 'U12'), ('radius', 'f8'), ('backing', 'f8'), ('poisson', 'f8'), ('indented', 'f8'),
     ('force', 'f8'), ('touching', 'f8'), ('pressure', 'f4', RADII.shape)])
@@ -41,11 +41,11 @@ class Object:
 
     @property
     def round(self):
-        """Whether it is a body of revolution."""
+        """True for a body of revolution."""
         return self.kind in ('ball', 'round punch')
 
     def height(self, r):
-        """Of its surface above its lowest point [m]."""
+        """Return the height of its surface above its lowest point [m]."""
         if self.kind in ('ball', 'wedge'):
             inside = np.minimum(r, 0.95 * self.radius)
             slope = inside / np.sqrt(self.radius**2 - inside**2)
@@ -54,12 +54,12 @@ class Object:
 
     @property
     def indentation(self):
-        """How deep it is pressed [m]."""
+        """Indentation [m]."""
         return {'ball': 0.25e-3, 'wedge': 0.2e-3}.get(self.kind, 0.2e-3)
 
 
 def _graded(first, last, smallest, growth, largest):
-    """Places from first to last, ever further apart."""
+    """Return places from first to last with increasing distances."""
     places, step = [first], smallest
     while places[-1] < last:
         places.append(places[-1] + step)
@@ -68,7 +68,7 @@ def _graded(first, last, smallest, growth, largest):
 
 
 def solve(shape: Object, backing: float, poisson: float, *, fine: float = 1.0) -> np.ndarray:
-    """Profile of an object pressed in, a PROFILE record; `fine` divides the sizes of elements."""
+    """Solve the indentation by an object; return a PROFILE record. `fine` refines the mesh."""
     from skfem import (
         Basis,
         BilinearForm,
@@ -124,7 +124,7 @@ def solve(shape: Object, backing: float, poisson: float, *, fine: float = 1.0) -
     middle = basis.get_dofs(lambda x: np.abs(x[0]) < 1e-12).all(['u^1'])
     held = np.unique(np.concatenate([fixed, middle]))
     places = facets.global_coordinates().value[0]
-    reach = shape.indentation - shape.height(places)  # of the object below the skin's level
+    reach = shape.indentation - shape.height(places)  # object below the undeformed skin
     touches = (reach > 0.5 * shape.indentation).astype(float)
     for _ in range(25):
         system = elastic + contact.assemble(facets, touches=touches)
@@ -141,7 +141,8 @@ def solve(shape: Object, backing: float, poisson: float, *, fine: float = 1.0) -
     force = float((pressed * measure * facets.dx).sum())
     touching = float(places[touches > 0.0].max())
 
-    # Stresses are best at two Gauss points a side, above all where the skin hardly compresses.
+    # Stresses are most accurate at two Gauss points per side, above all in nearly incompressible
+    # skin.
     best = Basis(mesh, ElementVector(ElementQuad2()), intorder=3)
     scalar = Basis(mesh, ElementQuad1(), intorder=3)
     field = best.interpolate(u)
@@ -160,12 +161,12 @@ def solve(shape: Object, backing: float, poisson: float, *, fine: float = 1.0) -
 
 
 def profiles() -> np.ndarray:
-    """Every profile, as stored: PROFILE records."""
+    """Return all stored profiles: PROFILE records."""
     return np.load(FILE)['profiles']
 
 
 def main():
-    """Solve every case and store it."""
+    """Solve and store every case."""
     objects = [Object('ball', radius) for radius in BALLS] + [
         Object('wedge', radius) for radius in WEDGES] + [
         Object(kind, radius) for kind in ('round punch', 'strip') for radius in PUNCHES]

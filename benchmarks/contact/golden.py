@@ -1,9 +1,9 @@
 """
-Golden pictures of contacts and their judge: one estimator's answers against the truth.
+Golden images of contacts, and their judge: answers of an estimator compared with the truth.
 
-`./ws bench contact golden make FOLDER` writes the sets, a .npz each; `score FOLDER` estimates all
-of them, prints the table and, if none was left out, keeps it in benchmarks/results/golden.json.
-GOLDEN in the environment stands for FOLDER.
+`./ws bench contact golden make FOLDER` writes the sets, one .npz each. `score FOLDER` estimates
+all of them, prints the table and, if the run was complete, stores it in
+benchmarks/results/golden.json. The default of FOLDER is the environment variable GOLDEN.
 """
 
 import argparse
@@ -21,16 +21,16 @@ from benchmarks.harness import as_json, finite, ROOT
 
 SEED = 26
 NOW = ROOT / 'benchmarks' / 'results' / 'golden.json'
-BEFORE = NOW.with_name('golden_before.json')  # of the estimator before this one, families alone
+BEFORE = NOW.with_name('golden_before.json')  # families of the previous estimator
 
 
 def wanted(name: str, sets: str) -> bool:
-    """Whether a set is among prefixes, comma separated; all of them if there are none."""
+    """Return True if a set matches comma-separated prefixes; without prefixes all sets match."""
     return not sets or any(name.startswith(prefix) for prefix in sets.split(','))
 
 
 def stored(folder: Path, sets: str = '') -> list[str]:
-    """Names of the sets in a folder, `family/variant`."""
+    """Return the names of the sets in a folder, `family/variant`."""
     names = (f'{file.parent.name}/{file.stem}' for file in sorted(folder.glob('*/*.npz')))
     return [name for name in names if wanted(name, sets) and _is_set(folder / f'{name}.npz')]
 
@@ -41,7 +41,7 @@ def _is_set(file):
 
 
 def load(folder: Path, name: str, share: float = 1.0) -> dict:
-    """Arrays of a set, the first part of its pictures."""
+    """Return the arrays of a set with the first part of its images."""
     with np.load(folder / f'{name}.npz') as file:
         arrays = {key: file[key] for key in file.files}
     count = len(arrays['frames'])
@@ -67,7 +67,7 @@ def make(arguments):
 
 
 def score(arguments):
-    """Estimate the sets, or read the answers, and print the table."""
+    """Estimate the sets and print the table."""
     rows = []
     for name in stored(arguments.folder, arguments.sets):
         arrays = load(arguments.folder, name, arguments.share)
@@ -75,7 +75,7 @@ def score(arguments):
             ('untold',) if arguments.untold else ('told',))
         if not np.isfinite(arrays['depth']):
             skins = ('untold',)
-        elif len(arrays['depths']) > 1:  # no skin is found from several layers
+        elif len(arrays['depths']) > 1:  # the skin cannot be fitted from several layers
             skins = ('told',)
         for skin in skins:
             answers = golden_score.answered(arrays, told=skin == 'told')
@@ -89,7 +89,7 @@ def score(arguments):
                 print(f'\r{name:40}', end='', file=sys.stderr)
     print(golden_score.table(rows))
     if arguments.both and not arguments.sets and arguments.share == 1.0:
-        # Real recordings are not in the folder of everybody.
+        # Real recordings may be missing in the folder.
         seen = {row['set'] for row in rows}
         rows += [row for row in json.loads(NOW.read_text('utf-8'))['sets']
                  if row['set'].startswith('real-') and row['set'] not in seen]
@@ -97,7 +97,7 @@ def score(arguments):
 
 
 def families(file: Path) -> list[dict]:
-    """Rows of the families of sets, as kept by `score`."""
+    """Return the rows of the families of sets, as stored by `score`."""
     rows = json.loads(file.read_text('utf-8'))['sets']
     return golden_score.families([{key: np.nan if value is None else value
                                    for key, value in row.items()} for row in rows])

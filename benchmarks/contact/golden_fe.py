@@ -1,8 +1,8 @@
 """
-Profiles of pressure that the golden pictures need beyond those of `fe_frames`.
+Additional pressure profiles for the golden images, not contained in `fe_frames`.
 
-More depths of the bone, a cylinder of 5 mm at 1 N/mm, narrow punches, and the answer to a load
-on a disc or strip of .15 mm, which adds up to loads of any shape.
+They have more depths of the bone, a cylinder of 5 mm at 1 N/mm, narrow punches, and the response
+to a load on a disc or strip of .15 mm, from which loads of any shape are superposed.
 """
 
 from dataclasses import dataclass
@@ -16,25 +16,25 @@ from benchmarks.contact.fe_frames import Object, PROFILE, profiles, solve
 POISSON = 0.45
 BACKINGS = {'2mm': 2e-3, '3mm': 3e-3, '4mm': 4e-3, '6mm': 6e-3, '12mm': 12e-3, 'none': math.inf}
 CYLINDER = 5e-3, 1e3  # radius [m], force [N/m]
-NARROW = 0.15e-3  # radius or half width of what stands for a load in one place [m]
+NARROW = 0.15e-3  # radius or half width of a load that is used for superposition [m]
 MORE_BACKINGS = 3e-3, 12e-3
 SUPERPOSED = 3e-3, math.inf
 
 
 @dataclass(frozen=True)
 class Sunk(Object):
-    """Object that is pressed in by a given depth [m]."""
+    """Object with a given indentation [m]."""
 
     sunk: float = 0.2e-3
 
     @property
     def indentation(self):
-        """How deep it is pressed [m]."""
+        """Indentation [m]."""
         return self.sunk
 
 
 def cylinder(backing: float) -> np.ndarray:
-    """Profile of the cylinder at its force, a PROFILE record: secants of the indentation."""
+    """Return the cylinder's profile at its force, found by iteration of the indentation."""
     radius, force = CYLINDER
     deep, record = 0.4e-3, None
     for _ in range(6):
@@ -47,7 +47,7 @@ def cylinder(backing: float) -> np.ndarray:
 
 
 def more_profiles(folder: Path) -> np.ndarray:
-    """Every profile, PROFILE records; what is not in `fe_frames` is solved once and kept."""
+    """Return all PROFILE records; those not in `fe_frames` are solved once and stored."""
     file = folder / 'fe_more.npz'
     if not file.exists():
         rows = [cylinder(backing) for backing in BACKINGS.values()]
@@ -65,7 +65,11 @@ def more_profiles(folder: Path) -> np.ndarray:
 
 def chosen(table: np.ndarray, kind: str, backing: float, poisson: float = POISSON, *,
            radius: float | None = None) -> np.ndarray:
-    """PROFILE records of a kind of object on one skin; of every radius but NARROW, or of one."""
+    """
+    Return PROFILE records of a kind of object on one skin.
+
+    They have the given radius, or every radius except NARROW.
+    """
     keep = (table['kind'] == kind) & (table['backing'] == backing) & (table['poisson'] == poisson)
     keep &= table['radius'] > 2.0 * NARROW if radius is None else table['radius'] == radius
     return table[keep]

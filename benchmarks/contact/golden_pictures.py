@@ -1,8 +1,8 @@
 """
-Pictures of known loads for the golden sets: closed forms, finite elements, scenes and faults.
+Images of known loads for the golden sets: closed forms, finite elements, scenes and faults.
 
-Nothing is shared with the estimator: the closed forms are written down again, tactels average
-their area by 5x5 points. Lengths in m, pressures in Pa.
+It shares no code with the estimator: the closed forms are written again, and tactels average their
+area with 5x5 points. Lengths are in m, pressures in Pa.
 """
 
 from typing import NamedTuple
@@ -11,10 +11,10 @@ import numpy as np
 
 from benchmarks.contact.fe_frames import RADII
 
-PEAK = 4e4  # of the highest tactel of a picture of finite elements [Pa]
+PEAK = 4e4  # highest tactel of a finite-element image [Pa]
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
 ROUND = 'ball', 'round punch'
-TABLE_STEP, TABLE_END = 0.05e-3, 35e-3  # of the pressure of one load [m]
+TABLE_STEP, TABLE_END = 0.05e-3, 35e-3  # table of one load's pressure [m]
 
 
 class Pad(NamedTuple):
@@ -41,12 +41,12 @@ class Pad(NamedTuple):
 
 
 def unit(angle):
-    """Unit vectors (..., 2) at angles [rad]."""
+    """Return unit vectors (..., 2) at angles [rad]."""
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
 def averaged(pad: Pad, pressure) -> np.ndarray:
-    """Mean over the area of every tactel of a function of x and y (rows, columns) [Pa]."""
+    """Return the mean of a function of x and y over each tactel's area (rows, columns) [Pa]."""
     dx, dy = np.meshgrid(0.5 * pad.pitch * NODES, 0.5 * pad.pitch * NODES)
     share = np.multiply.outer(WEIGHTS, WEIGHTS) / 4.0
     values = pressure(pad.x + dx[..., None, None], pad.y[:, None] + dy[..., None, None])
@@ -56,7 +56,7 @@ def averaged(pad: Pad, pressure) -> np.ndarray:
 # ------------------------------------------------------------------------------- places
 
 def chord(pad: Pad, rho: float, yaw: float) -> tuple[float, float]:
-    """Where a line enters and leaves the rectangle of the tactels' centres, along it [m]."""
+    """Return where a line enters and leaves the rectangle of tactel centres, along it [m]."""
     n, low, high = unit(yaw), -np.inf, np.inf
     halves = 0.5 * (pad.columns - 1) * pad.pitch, 0.5 * (pad.rows - 1) * pad.pitch
     for foot, slope, half in ((rho * n[0], -n[1], halves[0]), (rho * n[1], n[0], halves[1])):
@@ -70,7 +70,7 @@ def chord(pad: Pad, rho: float, yaw: float) -> tuple[float, float]:
 
 
 def points_on(pad: Pad, count: int, rng) -> dict:
-    """Places of points all over the pad, 1.5 tactels (small pads: 1) from the border at least."""
+    """Draw places of points on the pad, at least 1.5 tactels (small pads: 1) from the border."""
     inset = (1.5 if min(pad.rows, pad.columns) >= 8 else 1.0) * pad.pitch
     x, y = rng.uniform(-1.0, 1.0, (2, count)) * (pad.half - inset)
     return {'x': x, 'y': y}
@@ -78,9 +78,10 @@ def points_on(pad: Pad, count: int, rng) -> dict:
 
 def lines_on(pad: Pad, count: int, rng, *, within: float | None = None) -> dict:
     """
-    Lines of all directions with a chord of 6 tactels (or of .75 of the pad) at least.
+    Draw lines of all directions with a chord of at least 6 tactels, or 0.75 of the pad.
 
-    x, y is the middle of the chord. With `within` [rad] they are along a row or a column.
+    x, y is the middle of the chord. With `within` [rad] the lines are nearly along a row or a
+    column.
     """
     least = min(6.0, 0.75 * min(pad.rows, pad.columns)) * pad.pitch
     rows = []
@@ -99,7 +100,7 @@ def lines_on(pad: Pad, count: int, rng, *, within: float | None = None) -> dict:
 
 
 def half_turn(rho, yaw) -> dict:
-    """The same lines with yaw in (-pi/2, pi/2]."""
+    """Return the same lines with yaw in (-pi/2, pi/2]."""
     turns = np.ceil(np.asarray(yaw) / np.pi - 0.5)
     return {'rho': rho * np.where(turns % 2, -1.0, 1.0), 'yaw': yaw - np.pi * turns}
 
@@ -121,7 +122,7 @@ def line_stress(x, y, load, depth):
 
 
 def dome_stress(x, y, load, skin_radius, array_radius):
-    """Pressure [Pa] under a point load on a dome, as on a half-space below its tangent plane."""
+    """Return the pressure [Pa] under a point load on a dome: a half-space below its tangent."""
     def outward(px, py):
         angle = np.hypot(px, py) / array_radius
         share = np.sinc(angle / np.pi) / array_radius
@@ -137,7 +138,7 @@ def dome_stress(x, y, load, skin_radius, array_radius):
 # --------------------------------------------------------------------- finite elements
 
 def indented(pad: Pad, profile, place, scale: float = 1.0) -> np.ndarray:
-    """Tactels (rows, columns) [Pa] under an object at (x, y) or (rho, yaw)."""
+    """Return the tactels (rows, columns) [Pa] under an object at (x, y) or (rho, yaw)."""
     def pressure(x, y):
         if profile['kind'] in ROUND:
             distance = np.hypot(x - place[0], y - place[1])
@@ -148,7 +149,7 @@ def indented(pad: Pad, profile, place, scale: float = 1.0) -> np.ndarray:
 
 
 class Superposed:
-    """Pressure of many loads on one skin: a table of what one does to a tactel."""
+    """Pressure of many loads on one skin, from a table of the effect of one load on a tactel."""
 
     def __init__(self, pad: Pad, profile):
         steps = np.arange(0.0, TABLE_END + 2 * TABLE_STEP, TABLE_STEP)
@@ -161,7 +162,7 @@ class Superposed:
         self.table = total / profile['force']
 
     def __call__(self, places: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        """Tactels (rows, columns) [Pa] under forces (K,) [N] at places (K, 2)."""
+        """Return the tactels (rows, columns) [Pa] under forces (K,) [N] at places (K, 2)."""
         dx = np.abs(self.pad.x - places[:, :1])[:, None, :]
         dy = np.abs(self.pad.y - places[:, 1:])[:, :, None]
         fx, fy = (np.minimum(d, TABLE_END) / TABLE_STEP for d in (dx, dy))
@@ -175,7 +176,7 @@ class Superposed:
 # -------------------------------------------------------------------------------- scenes
 
 def two_balls(pad, point, line, rng):
-    """Two loads 5 to 10 mm apart, the second of half to all of the force of the first."""
+    """Return two loads 5 to 10 mm apart; the second has half to all of the first one's force."""
     while True:
         first = rng.uniform(-1, 1, 2) * (pad.half - 2e-3)
         second = first + rng.uniform(5e-3, 10e-3) * unit(rng.uniform(-np.pi, np.pi))
@@ -184,7 +185,7 @@ def two_balls(pad, point, line, rng):
 
 
 def crossing(pad, point, line, rng):
-    """Two edges across the whole pad that cross at 40 to 140 degrees."""
+    """Return two edges across the whole pad that cross at 40 to 140 degrees."""
     at, yaw = rng.uniform(-4e-3, 4e-3, 2), rng.uniform(-np.pi, np.pi)
     other = yaw + np.radians(rng.uniform(40, 140))
     return indented(pad, line, (at @ unit(yaw), yaw)) + rng.uniform(0.6, 1.0) * indented(
@@ -192,14 +193,14 @@ def crossing(pad, point, line, rng):
 
 
 def ridges(pad, point, line, rng):
-    """Two parallel edges 4 mm apart."""
+    """Return two parallel edges 4 mm apart."""
     yaw, rho = rng.uniform(-np.pi, np.pi), rng.uniform(-8e-3, 4e-3)
     return indented(pad, line, (rho, yaw)) + rng.uniform(0.8, 1.2) * indented(
         pad, line, (rho + 4e-3, yaw))
 
 
 def half_plate(pad, point, line, rng):
-    """Half of the pad or so pressed: evenly, or with more near the edge as a rigid plate has."""
+    """Return a plate on about half of the pad: uniform, or higher at its edge (rigid plate)."""
     v = np.arange(-45e-3, 45e-3, 0.1e-3)
     reach = rng.choice([0.0, rng.uniform(0.5e-3, 3e-3)])
     inside = np.maximum(v + 0.05e-3, 0.05e-3)
@@ -217,7 +218,7 @@ def _legs(rng, spread=4e-3):
 
 
 def corner(pad, point, line, rng):
-    """Two edges that end where they meet, at 90 degrees."""
+    """Return two edges that end where they meet, at 90 degrees."""
     at, one, other = _legs(rng)
     along = np.arange(0.1e-3, 25e-3, 0.3e-3)[:, None]
     loads = np.r_[np.ones(len(along)), np.full(len(along), rng.uniform(0.7, 1.0))]
@@ -225,9 +226,9 @@ def corner(pad, point, line, rng):
 
 
 def tilted_corner(pad, point, line, rng):
-    """Corner of a box, deepest at the tip: the face and its two edges press less further away."""
+    """Return the tilted corner of a box: face and edges press less with distance from the tip."""
     at, one, other = _legs(rng)
-    far = rng.uniform(4e-3, 10e-3)  # where it leaves the skin
+    far = rng.uniform(4e-3, 10e-3)  # end of the contact
     along = np.arange(0.25e-3, far, 0.5e-3)
     u, v = (part.ravel() for part in np.meshgrid(along, along * rng.uniform(0.7, 1.0)))
     face = np.maximum(1.0 - (u + v) / far, 0.0) * 0.5
@@ -238,7 +239,7 @@ def tilted_corner(pad, point, line, rng):
 
 
 def box_corner(pad, point, line, rng):
-    """Corner of a box that lies flat: a quarter of a plate with more along its two edges."""
+    """Return the flat corner of a box: a quarter of a plate, higher along its two edges."""
     at, one, other = _legs(rng)
     along = np.arange(0.3e-3, 24e-3, 0.6e-3)
     u, v = (part.ravel() for part in np.meshgrid(along, along))
@@ -255,7 +256,7 @@ SCENES = {'two-balls': two_balls, 'crossing': crossing, 'ridges-4mm': ridges,
 
 
 def blade(pad, point, rng, length=8e-3):
-    """Short edge in the middle of the pad: tactels, and x, y, rho, yaw of its middle."""
+    """Return a short edge in the middle of the pad: tactels, and x, y, rho, yaw of its middle."""
     middle, yaw = rng.uniform(-4e-3, 4e-3, 2), rng.uniform(-np.pi, np.pi)
     along = np.linspace(-0.5 * length, 0.5 * length, 41)[:, None]
     frame = point(middle + along * unit(yaw + 0.5 * np.pi), np.ones(len(along)))
@@ -263,7 +264,7 @@ def blade(pad, point, rng, length=8e-3):
 
 
 def edge_end(pad, point, rng):
-    """Edge that ends on the pad, of which 10 mm or more lie there: likewise."""
+    """Return an edge with an end on the pad, at least 10 mm of it there, as `blade` does."""
     while True:
         end, yaw = rng.uniform(-8e-3, 8e-3, 2), rng.uniform(-np.pi, np.pi)
         ahead = unit(yaw + 0.5 * np.pi)
@@ -278,17 +279,17 @@ def edge_end(pad, point, rng):
 # -------------------------------------------------------------------------------- faults
 
 class Fault(NamedTuple):
-    """How much of each fault; shares of the peak or of a reading."""
+    """Size of each fault, as a share of the peak or of a reading."""
 
     drift: float = 0.0
     dead_row: bool = False  # reads 0
     dead_column: bool = False  # reads NaN
-    stuck: int = 0  # tactels at .6 of full scale
+    stuck: int = 0  # number of tactels at .6 of full scale
     gains: float = 0.0
     bits: int = 0
-    saturated: float = 0.0  # full scale, told
-    crosstalk: float = 0.0  # to each of the four neighbours, which the tactel loses
-    ghost: float = 0.0  # of the picture 2 mm away
+    saturated: float = 0.0  # full scale, given to the estimator
+    crosstalk: float = 0.0  # to each of the four neighbours; the tactel loses it
+    ghost: float = 0.0  # share of the image displaced by 2 mm
 
     @property
     def full_scale(self) -> float:
@@ -306,7 +307,7 @@ FAULTS = {
 
 
 def faulty(clean, ghosts, noise, fault: Fault, rng) -> np.ndarray:
-    """Frames (N, rows, columns) with noise and faults; ghosts are the displaced pictures."""
+    """Return frames (N, rows, columns) with noise and faults; ghosts are displaced images."""
     frames = clean + fault.ghost * ghosts
     padded = np.pad(frames, ((0, 0), (1, 1), (1, 1)), mode='edge')
     around = (padded[:, 2:, 1:-1] + padded[:, :-2, 1:-1] + padded[:, 1:-1, 2:]

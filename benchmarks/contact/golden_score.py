@@ -1,7 +1,7 @@
 """
-Judge of answers to golden pictures: who is right, who is wrong with confidence, who claims what.
+Judge of answers to golden images: right and confidently wrong answers, and their claims.
 
-It reads the records of `ContactEstimator.estimate_batch`. Lengths in m, angles in rad.
+It reads the records of `ContactEstimator.estimate_batch`. Lengths are in m, angles in rad.
 """
 
 from collections import Counter
@@ -17,21 +17,21 @@ from tactile_sensing.types.contact import INFORMATION, Reason
 from tactile_sensing.types.image import Layer
 
 POINT, LINE = 1, 2  # ContactType
-NEAR, FAR = 1e-4, 1e-3  # m: nobody minds; wrong whatever is claimed
+NEAR, FAR = 1e-4, 1e-3  # m: always accepted up to NEAR; always wrong from FAR on
 TURNED = np.radians(3.0)
 FORCE_OFF, FORCE_NEAR = 0.1, 0.02  # shares of the force
-CHUNK = 10  # pictures that are timed together
+CHUNK = 10  # images that are timed together
 
 
 class Answers(NamedTuple):
-    """Records (N,) and the seconds that each picture took (N,)."""
+    """Records (N,) and the time of each image (N,) [s]."""
 
     records: np.ndarray
     seconds: np.ndarray
 
     @property
     def times(self) -> dict:
-        """Median time of a picture, and mean time of one that was refused [us]."""
+        """Median time of an image, and mean time of a refused one [us]."""
         valid = self.records['valid'].astype(float)
         mixed = np.unique(valid).size == 2
         parts = np.stack([valid, 1.0 - valid], axis=-1)
@@ -41,12 +41,12 @@ class Answers(NamedTuple):
 
 
 def _by_chunk(values):
-    """Sums over the pictures of every chunk that were timed together."""
+    """Return sums over the images of every chunk that was timed together."""
     return np.add.reduceat(values, np.arange(0, len(values), CHUNK))
 
 
 def layers_of(arrays: dict, *, told: bool) -> list:
-    """Layers as the estimator is told: the true skin, or pitch and noise alone."""
+    """Return the layers given to the estimator: the true skin, or only pitch and noise."""
     known = {'full_scale': float(arrays['full_scale']), 'noise_std': float(arrays['noise'])}
     if told:
         known |= {'thickness': float(arrays['thickness']), 'poisson': float(arrays['poisson'])}
@@ -55,7 +55,7 @@ def layers_of(arrays: dict, *, told: bool) -> list:
 
 
 def answered(arrays: dict, *, told: bool, config=None) -> Answers:
-    """Estimate every picture of a set."""
+    """Estimate every image of a set."""
     frames = np.asarray(arrays['frames'], float)
     array = TactelArray(*frames.shape[2:], float(arrays['pitch_x']), float(arrays['pitch_y']))
     layers, estimator = layers_of(arrays, told=told), ContactEstimator(config)
@@ -70,11 +70,11 @@ def answered(arrays: dict, *, told: bool, config=None) -> Answers:
 
 
 class Errors(NamedTuple):
-    """Errors (N,) and what is claimed of them; place is of a point, or across a line."""
+    """Errors (N,) and their claims; the place is that of a point, or across a line."""
 
     place: np.ndarray  # m
     place_sd: np.ndarray
-    normalised: np.ndarray  # (N, K): errors of place (and yaw) over what is claimed
+    normalised: np.ndarray  # (N, K): errors of place (and yaw) over their claims
     turned: np.ndarray  # rad
     force: np.ndarray  # share of the force
     force_sd: np.ndarray
@@ -102,7 +102,7 @@ def _point_errors(arrays, records):
 
 
 def _line_errors(arrays, records):
-    """Errors at the middle of what is pressed: across the line there, and of its yaw."""
+    """Return errors at the middle of the pressed part: across the line there, and of its yaw."""
     yaw, covariance = records['yaw'], records['covariance']
     n = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
     along = np.stack([-np.sin(yaw), np.cos(yaw)], axis=-1)
@@ -132,7 +132,11 @@ def _rms(values):
 
 
 def _verdict(errors, typed, with_force):
-    """Right place and direction, and a force that is off by more than it claims: (N,) each."""
+    """
+    Return which places and directions are right, and which forces are wrong: (N,) each.
+
+    A force is wrong if its error exceeds the limits and its claim.
+    """
     sd = np.nan_to_num(errors.place_sd)
     right = typed & (errors.place <= np.maximum(NEAR, 5.0 * sd)) & (errors.place < FAR)
     right &= np.abs(errors.turned) <= TURNED
@@ -143,7 +147,7 @@ def _verdict(errors, typed, with_force):
 
 
 def refusals(records) -> str:
-    """The three commonest reasons of what is not valid, with their share of all pictures."""
+    """Return the three most common reasons of invalid images, with their shares of all images."""
     found: Counter = Counter()
     for value in records['reasons'][~records['valid']]:
         names = [flag.name for flag in Reason if int(value) & flag & ~INFORMATION]
@@ -153,7 +157,7 @@ def refusals(records) -> str:
 
 
 def score(arrays: dict, records: np.ndarray) -> dict:
-    """Row of the table for one set and an estimator's records of its pictures, shape (N,)."""
+    """Return the table's row for one set and the records of its images, shape (N,)."""
     kind, valid = str(arrays['kind']), records['valid'].astype(bool)
     row = {'n': len(records), 'valid': valid.mean(), 'refused': 1.0 - valid.mean(),
            'reasons': refusals(records)}
@@ -193,10 +197,10 @@ def score(arrays: dict, records: np.ndarray) -> dict:
 
 def site_spread(arrays: dict, records: np.ndarray) -> dict:
     """
-    Spread of repeated presses, for pictures without a truth.
+    Return the spread of repeated presses, for images without a truth.
 
-    `site` numbers the presses of one place; the spread is about the site's median, of a point's
-    place or across a line at the pad's centre, and is also given over what is claimed.
+    `site` numbers the presses of one place. The spread is relative to the site's median: of a
+    point's place, or of a line's yaw. It is also divided by the claims.
     """
     typed, off, over = records['valid'], [], []
     for site in np.unique(arrays['site'][arrays['site'] >= 0]):
@@ -240,7 +244,7 @@ def _cell(row, name, form, factor):
 
 
 def _family(rows):
-    """Mean of the shares, and the worst of the claims, over the sets of a family."""
+    """Return the mean of the shares, and the worst of the claims, over the sets of a family."""
     total = sum(row['n'] for row in rows)
     shares = 'answered', 'right', 'wrong', 'wrong_force', 'refused', 'forced'
     found = {name: sum(row['n'] * row.get(name, 0.0) for row in rows) / total for name in shares}
@@ -255,7 +259,7 @@ def _family(rows):
 
 
 def families(rows: list[dict]) -> list[dict]:
-    """Rows of the families of sets (shares: means; claims: the worst)."""
+    """Return the rows of the families of sets (shares: means; claims: the worst)."""
     found: dict = {}
     for row in rows:
         found.setdefault((row['set'].split('/')[0], row['skin']), []).append(row)
@@ -263,7 +267,7 @@ def families(rows: list[dict]) -> list[dict]:
 
 
 def table(rows: list[dict]) -> str:
-    """Table of rows: one per set, then one per family."""
+    """Return a table with one row per set, then one per family."""
     rows = [*rows, *(row | {'set': f'= {row["set"]}'} for row in families(rows))]
     lines = [[f'{row["set"]}{"" if row["skin"] == "told" else " (untold)"}',
               *(_cell(row, *column[1:]) for column in COLUMNS), row['reasons']] for row in rows]

@@ -1,4 +1,4 @@
-"""The golden sets by name: what is pressed how on which pad, as arrays with their truth."""
+"""The golden sets by name: loads on pads, as arrays with their truth."""
 
 from collections.abc import Callable
 from functools import cached_property, partial
@@ -15,7 +15,7 @@ from benchmarks.contact.golden_pictures import FAULTS, Pad, PEAK, unit
 
 NOISE = 0.01 * PEAK  # 40 dB
 PADS = {'16x16': Pad(16, 16, 25.4e-3 / 16), '26x26': Pad(26, 26, 1e-3)}
-# Other pads, with how much larger than the finite elements' everything on them is.
+# Other pads, with a scale factor relative to the finite elements.
 SMALL = {'4x4-4mm': (Pad(4, 4, 4e-3), 2.0), '5x5-3.5mm': (Pad(5, 5, 3.5e-3), 2.0),
          '6x6-3mm': (Pad(6, 6, 3e-3), 1.5), '8x8-2mm': (Pad(8, 8, 2e-3), 1.0),
          '8x8-4mm': (Pad(8, 8, 4e-3), 1.5), '32x32-1mm': (Pad(32, 32, 1e-3), 1.0)}
@@ -24,7 +24,7 @@ POINT_PEAK, LINE_PEAK = 1.5 / (np.pi * DEPTH**2), 2.0 * LINE_FORCE / (np.pi * DE
 # Stress and depth of the layers of a half-space's pad.
 STRUCTURES = {'m1': (('zz', DEPTH),), 'm2': (('zz', DEPTH), ('zz', 2 * DEPTH)),
               'm3': (('zz', DEPTH), ('xz', DEPTH))}
-DRIFT, SCATTER = 0.03, 0.05  # of the drifted pads: offset of the peak, of the gains
+DRIFT, SCATTER = 0.03, 0.05  # drifted pads: offset as a share of the peak, gain scatter
 OBJECTS = {'ball': 'ball', 'wedge': 'wedge', 'cylinder': 'cylinder', 'punch': 'round punch',
            'strip': 'strip'}
 COLUMNS = {'point': ('x', 'y', 'normal_force', 'shear_force_x', 'shear_force_y'),
@@ -32,7 +32,11 @@ COLUMNS = {'point': ('x', 'y', 'normal_force', 'shear_force_x', 'shear_force_y')
 
 
 def packed(frames, pad, noise, kind, truth=None, *, depth=DEPTH, **more) -> dict:
-    """Arrays of a set; `truth` has x, y, rho, yaw [m, rad], force [N or N/m] and the like."""
+    """
+    Return the arrays of a set.
+
+    `truth` contains x, y, rho, yaw [m, rad], force [N or N/m] and similar values.
+    """
     frames = np.asarray(frames, np.float32)
     return {'frames': frames if frames.ndim == 4 else frames[:, None], 'pitch_x': pad.pitch,
             'pitch_y': pad.pitch, 'noise': noise, 'depth': depth, 'thickness': math.inf,
@@ -43,7 +47,7 @@ def packed(frames, pad, noise, kind, truth=None, *, depth=DEPTH, **more) -> dict
 # ----------------------------------------------------------------------------- half-space
 
 def _image(kind, pad, structure, load):
-    """Layers (L, rows, columns) [Pa] of one load on a half-space."""
+    """Return the layers (L, rows, columns) [Pa] of one load on a half-space."""
     if kind == 'line':
         return np.stack([pictures.averaged(pad, lambda x, y, d=depth: pictures.line_stress(
             x, y, load, d)) for _, depth in structure])
@@ -52,7 +56,7 @@ def _image(kind, pad, structure, load):
 
 
 def _bound(kind, pad, structure, load, noise, middle=None, drifted=False):
-    """Least standard deviations (5,) of COLUMNS that noise [Pa] allows, see `crb`."""
+    """Return the least standard deviations (5,) of COLUMNS for noise [Pa], see `crb`."""
     steps = (1e-6, 1e-6, 1e-3, 1e-3, 1e-3) if kind == 'point' else (1e-6, 1e-5, 0.1, 0.1)
     columns = []
     for k, step in enumerate(steps):
@@ -78,7 +82,7 @@ def _bound(kind, pad, structure, load, noise, middle=None, drifted=False):
 
 
 def half_space(rng, count, kind, pad, decibels, *, shear=(0.0, 0.3), model='m1', drifted=False):
-    """Loads on a half-space with their Cramer-Rao bounds; drifted: offset, and gains scatter."""
+    """Return loads on a half-space with Cramer-Rao bounds; drifted: with offset, gain scatter."""
     structure = STRUCTURES[model]
     place = pictures.points_on(pad, count, rng) if kind == 'point' else pictures.lines_on(
         pad, count, rng)
@@ -105,7 +109,7 @@ def half_space(rng, count, kind, pad, decibels, *, shear=(0.0, 0.3), model='m1',
 
 
 def dome(rng, count):
-    """Points on a round probe of 27 mm with its tactels 2 mm below the surface."""
+    """Return points on a round probe of 27 mm with tactels 2 mm below the surface."""
     pad = PADS['16x16']
     place, force = pictures.points_on(pad, count, rng), np.full(count, POINT_FORCE)
     frames = np.array([pictures.averaged(pad, lambda x, y, a=a, b=b: pictures.dome_stress(
@@ -118,7 +122,7 @@ def dome(rng, count):
 # ------------------------------------------------------------------------ finite elements
 
 class Skins:
-    """Everything that needs the profiles of finite elements, which are kept in a folder."""
+    """Sets that need the finite-element profiles, which are stored in a folder."""
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -130,13 +134,13 @@ class Skins:
         return more_profiles(self.folder)
 
     def known(self, backing, scale=1.0, poisson=POISSON):
-        """What is told of a skin."""
+        """Return the skin parameters that are given to the estimator."""
         bone = BACKINGS[backing]
         told = {} if bone == math.inf else {'thickness': scale * bone, 'poisson': poisson}
         return {'depth': scale * DEPTH, **told}
 
     def superposed(self, pad, backing):
-        """Sum of loads on a skin, and the profile under a line on it."""
+        """Return the superposition of loads on a skin, and the profile under a line on it."""
         key = pad, backing
         if key not in self._kept:
             point, line = (chosen(self.table, kind, BACKINGS[backing], radius=NARROW)[0]
@@ -146,7 +150,7 @@ class Skins:
 
     def objects(self, rng, count, what, pad, backing, *, scale=1.0, poisson=POISSON,
                 fault='none', radius=None, within=None):
-        """Objects of all radii (or of one) at random places, 40 dB, perhaps with a fault."""
+        """Return objects of all radii (or of one) at random places, 40 dB, with a given fault."""
         profiles = chosen(self.table, OBJECTS[what], BACKINGS[backing], poisson, radius=radius)
         kind = 'point' if OBJECTS[what] in pictures.ROUND else 'line'
         place = (pictures.points_on(pad, count, rng) if kind == 'point'
@@ -170,7 +174,7 @@ class Skins:
                       full_scale=FAULTS[fault].full_scale, **self.known(backing, scale, poisson))
 
     def scene(self, rng, count, name, pad, backing):
-        """What is neither one point nor one line, 40 dB."""
+        """Return images of scenes that are neither a point nor a line, 40 dB."""
         point, line = self.superposed(pad, backing)
         clean = np.array([pictures.SCENES[name](pad, point, line, rng) for _ in range(count)])
         clean *= PEAK / clean.max(axis=(1, 2), keepdims=True)
@@ -178,7 +182,7 @@ class Skins:
                       **self.known(backing))
 
     def short(self, rng, count, picture, pad, backing):
-        """Edges that end on the pad, 40 dB."""
+        """Return edges that end on the pad, 40 dB."""
         point, _ = self.superposed(pad, backing)
         frames, places = zip(*[picture(pad, point, rng) for _ in range(count)], strict=True)
         frames, (x, y, rho, yaw) = np.array(frames), np.array(places).T
@@ -188,7 +192,7 @@ class Skins:
 
 
 def nothing(rng, count, pad, drift):
-    """Noise alone, or an offset of 3 to 30 % of what a load shows with a slope."""
+    """Return only noise, or an inclined offset of 3 to 30 % of a load's peak."""
     frames = NOISE * rng.standard_normal((count, pad.rows, pad.columns))
     if drift:
         x, y = np.meshgrid(pad.x / pad.half, pad.y / pad.half)
@@ -272,12 +276,12 @@ def _other_sets(skins):
 
 
 def all_sets(folder: Path) -> dict[str, tuple[int, Callable]]:
-    """Name of every set to its number of pictures and its generator (rng, count) -> arrays."""
+    """Return for every set its number of images and its generator (rng, count) -> arrays."""
     skins = Skins(folder)
     parts = _half_sets(), _fe_sets(skins), _flat_sets(skins), _other_sets(skins)
     return {name: (count, make) for part in parts for name, count, make in part}
 
 
 def made(name: str, count: int, make: Callable, seed: int) -> dict:
-    """Arrays of one set; the same for a seed whatever else is made."""
+    """Return the arrays of one set; they depend only on its name and the seed."""
     return make(np.random.default_rng([seed, crc32(name.encode())]), count)

@@ -1,4 +1,4 @@
-"""What the contact benchmark compares: the estimator, the thesis' closed forms, and peers."""
+"""Methods of the contact benchmark: the estimator, the thesis' closed forms, and libraries."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -21,10 +21,10 @@ LINE_NAMES = 'offset', 'yaw', 'line_force'
 @dataclass(frozen=True)
 class Method:
     """
-    One way to estimate a contact.
+    A method to estimate a contact.
 
-    one(frame) returns the parameters of one (layers, rows, columns), NaN where there is none;
-    many(frames) those of (N, layers, rows, columns); peer is the module of another library.
+    `one(frame)` returns the parameters of one (layers, rows, columns), NaN if there are none;
+    `many(frames)` those of (N, layers, rows, columns). `peer` is the module of another library.
     """
 
     name: str
@@ -33,17 +33,17 @@ class Method:
     peer: str = ''
 
     def run(self, frames):
-        """Parameters of many frames, (N, K)."""
+        """Return the parameters of many frames, (N, K)."""
         return self.many(frames) if self.many else np.array([self.one(it) for it in frames])
 
 
 def names_of(kind):
-    """Parameters of a kind of contact."""
+    """Return the names of the parameters of a kind of contact."""
     return POINT_NAMES if kind == 'point' else LINE_NAMES
 
 
 def _contact(frame, estimator, layers, array, names):
-    """From a frame to the parameters, as the node does."""
+    """Estimate the parameters of a frame, as the node does."""
     image = TactileImage(0, 0, tuple(
         replace(layer, stress=stress) for layer, stress in zip(layers, frame, strict=True)),
         array, tared=True)
@@ -66,7 +66,7 @@ def _estimator(name, arrays, *, told=True, **config):
 
 
 def methods(arrays, peers):
-    """Every method for the frames of a golden set."""
+    """Return every method for the frames of a golden set."""
     kind, noise = arrays['kind'], float(arrays['noise'])
     found = [_estimator(FIT, arrays)]
     if len(arrays['depths']) == 1:

@@ -1,4 +1,4 @@
-"""What the estimator is compared with: other libraries, Berger-Khosla, plain numpy."""
+"""Methods for comparison: other libraries, Berger-Khosla, plain numpy."""
 
 import importlib
 import math
@@ -14,7 +14,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer
 from tactile_sensing.types.moments import Moments
 
-LINE_LEVEL = 0.5  # fraction of the peak above which other libraries see the line
+LINE_LEVEL = 0.5  # share of the peak above which other libraries detect the line
 POINT_ARRAY, LINE_ARRAY = (TactelArray(pad.rows, pad.columns, pad.pitch, pad.pitch)
                            for pad in (PADS['26x26'], PADS['16x16']))
 NODES = np.array([-0.5, 0.5]) / np.sqrt(3.0) * POINT_ARRAY.pitch_x
@@ -24,7 +24,7 @@ PACKAGES = {'cv2': 'opencv-python-headless', 'skimage': 'scikit-image'}
 
 
 def load():
-    """Modules of other libraries that are installed, and the names of those left out."""
+    """Return the installed modules of other libraries, and the names of missing ones."""
     peers, missing = {}, []
     for module, package in PACKAGES.items():
         try:
@@ -37,7 +37,7 @@ def load():
 
 
 def _windows(images):
-    """x, y and pressure of 9x9 tactels around the peaks, (N, 81), and x, y of these."""
+    """Return x, y and pressure of 9x9 tactels around the peaks, (N, 81), and the peaks' x, y."""
     n, reach = len(images), np.arange(-4, 5)
     row, column = np.divmod(images.reshape(n, -1).argmax(axis=1), POINT_ARRAY.columns)
     rows = np.clip(row, 4, 21)[:, None] + reach
@@ -50,7 +50,7 @@ def _windows(images):
 
 
 def numpy_gauss_newton(frames, *, steps=3):
-    """Model 1 as one would write it: 2x2 points of a tactel, the whole batch, 5x5 solves."""
+    """Fit model 1 in plain numpy: 2x2 points per tactel, the whole batch, 5x5 solves."""
     x, y, values, peak = _windows(frames[:, 0])
     theta = np.column_stack([*peak, *np.zeros((3, len(x)))])
     for step in range(steps + 1):
@@ -68,7 +68,7 @@ def numpy_gauss_newton(frames, *, steps=3):
 
 
 def _slopes(x, y, a, b, normal, shear_x, shear_y):
-    """Derivatives of (2.2) by the place and the forces, (..., 5)."""
+    """Return the derivatives of (2.2) by the place and the forces, (..., 5)."""
     u, v = x - a, y - b
     square = u**2 + v**2 + DEPTH**2
     kernel = 1.5 / np.pi * DEPTH**2 * square**-2.5
@@ -79,7 +79,7 @@ def _slopes(x, y, a, b, normal, shear_x, shear_y):
 
 
 def opencv_point(cv2, frame):
-    """OpenCV's moments of a frame through (2.3)."""
+    """Return the point of (2.3) from OpenCV's moments of a frame."""
     [image] = frame
     pitch, column, row = POINT_ARRAY.pitch_x, *cv2.minMaxLoc(image)[3]
     found = closed_form(
@@ -91,7 +91,7 @@ def opencv_point(cv2, frame):
 
 
 def opencv_line(cv2, frame, noise_std):
-    """OpenCV's moments above the thesis' threshold through (3.8) to (3.10), corrected."""
+    """Return the line of (3.8) to (3.10), corrected, from OpenCV's thresholded moments."""
     [image] = frame
     moments = cv2.moments(np.where(image > 4.0 * noise_std, image, 0.0))
     found = line_from_moments(_sensor_moments(moments, LINE_ARRAY), LINE_ARRAY.half_width_y)
@@ -99,7 +99,7 @@ def opencv_line(cv2, frame, noise_std):
 
 
 def _sensor_moments(m, array):
-    """Moments about the centre of the array in metres, from those in pixels."""
+    """Convert moments in pixels to moments about the array's centre in metres."""
     p, c = array.pitch_x, 0.5 * (array.columns - 1)
     m0, mx, my = m['m00'], m['m10'], m['m01']
     return Moments(
@@ -109,20 +109,20 @@ def _sensor_moments(m, array):
 
 
 def line_points(image):
-    """Tactels above half the peak as (column, row), what cv2.fitLine takes."""
+    """Return tactels above half the peak as (column, row), the input of cv2.fitLine."""
     rows, columns = np.nonzero(image > LINE_LEVEL * image.max())
     return np.column_stack([columns, rows]).astype(np.float32)
 
 
 def opencv_fit_line(cv2, frame):
-    """Line through the tactels above half the peak by cv2.fitLine."""
+    """Fit a line to the tactels above half the peak with cv2.fitLine."""
     found = cv2.fitLine(line_points(frame[0]), cv2.DIST_L2, 0, 0.01, 0.01)
     vx, vy, column, row = found.ravel().tolist()
     return _through(column, row, vx, vy)
 
 
 def skimage_orientation(measure, frame):
-    """Orientation of the region above half the peak, through its weighted centroid."""
+    """Return the orientation of the region above half the peak, through its weighted centroid."""
     [image] = frame
     mask = (image > LINE_LEVEL * image.max()).astype(np.uint8)
     region = measure.regionprops(mask, intensity_image=image)[0]
@@ -131,7 +131,7 @@ def skimage_orientation(measure, frame):
 
 
 def _through(column, row, vx, vy):
-    """Offset and yaw of the line through a tactel along (vx, vy); no force."""
+    """Return offset and yaw of the line through a tactel along (vx, vy), without force."""
     if vy < 0.0:
         vx, vy = -vx, -vy
     centre, yaw = 0.5 * (LINE_ARRAY.columns - 1), math.atan2(-vx, vy)
@@ -145,7 +145,7 @@ HOUGH_STEP = 0.5e-3  # accuracy of the offset that the thesis assumes [m]
 
 
 def berger_khosla(frame):
-    """Threshold, thinning to the largest tactel across the line, Hough transform."""
+    """Apply a threshold, thin to the largest tactel across the line, and Hough-transform."""
     [image] = frame
     kept = image > LINE_LEVEL * image.max()
     middle = image[:, 1:-1]
@@ -157,7 +157,7 @@ def berger_khosla(frame):
     bins = np.rint(rho / HOUGH_STEP).astype(int) + 40
     votes = np.zeros((82, len(_YAWS) + 2), dtype=int)
     np.add.at(votes, (bins + 1, np.arange(len(_YAWS)) + 1), 1)
-    # Sums over 3x3 cells, and the middle of those that tie: three times nearer than one cell.
+    # Sums over 3x3 cells, and the middle of ties: three times as accurate as one cell.
     votes = votes[:-2] + votes[1:-1] + votes[2:]
     votes = votes[:, :-2] + votes[:, 1:-1] + votes[:, 2:]
     best_rho, best_yaw = np.nonzero(votes == votes.max())

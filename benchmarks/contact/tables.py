@@ -17,7 +17,7 @@ FAMILIES = {
 
 
 def everything(result):
-    """All tables, one after the other."""
+    """Return all tables."""
     left_out = ', '.join(result['left_out']) or 'nothing'
     versions = ', '.join(f'{name} {value}' for name, value in result['versions'].items())
     return '\n\n'.join([
@@ -28,7 +28,7 @@ def everything(result):
 
 
 def reference_time(rows, kind):
-    """Time of a single call of the estimator [s], which all times are relative to."""
+    """Return the time of a single call of the estimator [s], the unit of all times."""
     return next(row['single_s'] for row in rows if row['contact'] == kind)
 
 
@@ -64,7 +64,7 @@ def _claim(row):
 
 
 def golden(before, now):
-    """Table of the families, what was and what is."""
+    """Return the table of the families, before and now."""
     old = {(row['set'], row['skin']): row for row in before}
     lines = []
     for row in now:

@@ -1,9 +1,10 @@
 """
 Processor time of a frame from its bytes to a published message, for every protocol.
 
-The bar: 16 x 16 tactels at 1 kHz and 32 x 32 at 400 Hz on one core. A ratio is how many times as
-many frames one core would take. With --port the bytes go through a pseudo-terminal and pyserial
-in real time, and lost frames are counted: below 0.1 %. Prints a table.
+The requirement is 16 x 16 tactels at 1 kHz and 32 x 32 at 400 Hz on one core. The ratio is the
+frame rate that one core could process, divided by the required rate. With --port the bytes go
+through a pseudo-terminal and pyserial in real time, and lost frames are counted: fewer than 0.1 %
+are required. Prints a table.
 """
 import argparse
 import os
@@ -23,14 +24,14 @@ from tactile_sensing.devices.pad import Pad
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 from tactile_sensing.devices.stream import SensorStream
 
-CASES = ((16, 1000.0), (32, 400.0))  # tactels of a side; rate [Hz]
+CASES = ((16, 1000.0), (32, 400.0))  # tactels per side; rate [Hz]
 OPTIONS = {'csv_lines': 'stamp=us checksum=true', 'weiss_wts': '', 'weiss_dsa': 'rle=false'}
 FRAMES, SECONDS = 1000, 5.0
 SHARE = 1e-3  # of frames that may be lost
 
 
 def packets_of(protocol, shape, rate):
-    """Preamble and frames of a device, in the bytes that it sends."""
+    """Return preamble and frames of a device as bytes."""
     row, options = protocol_named(protocol), options_of(protocol, OPTIONS.get(protocol, ''))
     device, rng = row.device(**options), np.random.default_rng(0)
     device.answer(row.decoder(*shape, **options).start(rate))
@@ -40,7 +41,7 @@ def packets_of(protocol, shape, rate):
 
 
 def publisher_of(node, shape, rate):
-    """Pad, and the function that publishes a frame of it, as the driver does."""
+    """Return a function that publishes a frame of a pad, as the driver does."""
     pad = Pad(Calibration.uncalibrated(*shape, 1e-3, nominal_rate=rate), 50)
     message, topic = TactileImage(), node.create_publisher(
         TactileImage, 'image', qos_profile_sensor_data)
@@ -49,7 +50,7 @@ def publisher_of(node, shape, rate):
 
 
 def ratio(node, protocol, side, rate):
-    """Frames that a core takes, over those that come; published ones of all."""
+    """Return the frame rate of one core over the required rate, and the published share."""
     shape = protocol_named(protocol).shape or (side, side)
     preamble, packets = packets_of(protocol, shape, rate)
     options = options_of(protocol, OPTIONS.get(protocol, ''))
@@ -65,7 +66,7 @@ def ratio(node, protocol, side, rate):
 
 
 def lost(node, protocol, side, rate):
-    """Share of frames that are lost through a pseudo-terminal in real time."""
+    """Return the share of frames that are lost through a pseudo-terminal in real time."""
     shape = protocol_named(protocol).shape or (side, side)
     preamble, packets = packets_of(protocol, shape, rate)
     master, slave = os.openpty()

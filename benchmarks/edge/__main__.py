@@ -1,5 +1,5 @@
 """
-Edge tracking: speed, accuracy, stability and limits of both controllers, in simulation.
+Edge tracking: speed, accuracy, stability and limits of both laws, in simulation.
 
 Prints tables, and writes benchmarks/results/edge.json, pictures into docs/ and the tables into
 docs/results_edge.md. Errors are distances of the pad's centre from the true edge. Every run is
@@ -9,7 +9,7 @@ seeded.
 from benchmarks.edge import runs
 from benchmarks.harness import run
 
-WHOLE = 0.17  # m tracked of a hard scene's 180 mm that count as survival
+WHOLE = 0.17  # m of a hard scene's 180 mm that must be tracked
 TRACKERS = ('resolved_rate', 'trace')
 SPEEDS = (0.01, 0.03, 0.05, 0.1, 0.15, 0.2)
 COURSES = ('straight', 'two_segments', 'curve', 'course')
@@ -26,7 +26,7 @@ HARD = ('gap', 'step_down', 'step_up', 'wave', 'slip', 'noise', 'gain_spread', '
 
 
 def speed_and_accuracy(seeds, speeds, progress):
-    """Chart (a): every course at every speed."""
+    """Run chart (a): every course at every speed."""
     rows = []
     for course in COURSES:
         scene = runs.shipped(course)
@@ -41,7 +41,7 @@ def speed_and_accuracy(seeds, speeds, progress):
 
 
 def stability(gains, latencies, progress):
-    """Chart (b): gain times latency."""
+    """Run chart (b): gains and latencies."""
     rows = []
     plant = runs.shipped('straight').plant
     for latency in latencies:
@@ -56,7 +56,7 @@ def stability(gains, latencies, progress):
 
 
 def corners_and_radii(corners, radii, seeds, progress):
-    """Chart (c): what is held, cut or lost."""
+    """Run chart (c): which corners and radii are held, cut or lost."""
     shapes = [('corner', degrees, [{'straight': 0.07}, {'turn': degrees}, {'straight': 0.07}])
               for degrees in corners]
     shapes += [('radius', radius, [
@@ -77,7 +77,7 @@ def corners_and_radii(corners, radii, seeds, progress):
 
 
 def hard_scenes(seeds, progress):
-    """What else a scene can do to a servo."""
+    """Run the scenes with other difficulties."""
     rows = []
     for name in HARD:
         scene = runs.shipped(name)
@@ -92,7 +92,7 @@ def hard_scenes(seeds, progress):
 
 
 def figures(progress):
-    """Chart (d): the thesis' Figures 5.5 to 5.9."""
+    """Run chart (d): the thesis' Figures 5.5 to 5.9."""
     made = []
     for figure, (name, speed) in FIGURES.items():
         scene = runs.shipped(name)
@@ -111,7 +111,7 @@ def figures(progress):
 
 
 def measure(arguments, progress):
-    """Everything that the tables and pictures show, as one dictionary."""
+    """Return all data of the tables and pictures as one dictionary."""
     quick = arguments.quick
     seeds = (0,) if quick else (0, 1)
     return {

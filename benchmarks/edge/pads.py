@@ -1,4 +1,4 @@
-"""Course and tape case with pads of other sizes and pitches: a table; run by hand, minutes."""
+"""Course and tape case with pads of other sizes and pitches; run manually, takes minutes."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.edge.runs import follow, shipped
 from tactile_simulation.sensor import Sensor, Skin
 
-DEEP = 1.5  # pitches, the larger one of two
+DEEP = 1.5  # depth in pitches (the larger pitch)
 SPEEDS, SEEDS = (0.03, 0.05), range(3)
 # Rows, columns, pitch of the columns and of the rows, depth [m]
 PADS = [(8, 8, 2.5e-3, 2.5e-3), (16, 16, 1e-3, 1e-3), (16, 16, 4e-3, 4e-3),
@@ -15,7 +15,7 @@ PADS = [(8, 8, 2.5e-3, 2.5e-3), (16, 16, 1e-3, 1e-3), (16, 16, 4e-3, 4e-3),
 
 
 def scene_for(name, rows, columns, pitch_x, pitch_y):
-    """Shipped scene touched by a pad, with noise and range for the peak of 5 N on it."""
+    """Return an installed scene with a pad, its noise and range scaled to the peak of 5 N."""
     scene, depth = shipped(name), DEEP * max(pitch_x, pitch_y)
     share = (Skin().depth * Sensor().array.size_y) / (depth * rows * pitch_y)
     sensor = Sensor(rows=rows, columns=columns, pitch_x=pitch_x, pitch_y=pitch_y,

@@ -21,18 +21,18 @@ from tactile_simulation.scene import load_scene
 
 SCENES = Path(__file__).resolve().parents[2] / 'launch' / 'scenes'
 FORCE = 5.0
-HELD = 1.0e-3  # m; a larger error means that the corner was cut
+HELD = 1.0e-3  # m; with a larger error the corner counts as cut
 STABLE = 0.05e-3  # m RMS in the last part of a run
-OFFSET = 0.5e-3  # m beside the edge at the start of a run that is tested for stability
+OFFSET = 0.5e-3  # m from the edge at the start of a stability test
 
 
 def shipped(name):
-    """Scene that comes with the launch files."""
+    """Return an installed scene."""
     return load_scene(SCENES / f'{name}.yaml')
 
 
 def path_scene(name, path):
-    """Scene of a path on the plain."""
+    """Return the scene of a path on a plane."""
     tree = {'name': name, 'description': name,
             'edge': {'start': [0.3, -0.08, 0.15], 'heading': 90, 'path': path}}
     with tempfile.TemporaryDirectory() as folder:
@@ -42,7 +42,7 @@ def path_scene(name, path):
 
 
 def follow(scene, tracker, speed, seed, *, closed=False, timed=False, seconds=120.0, **options):
-    """Run once: simulation and summary."""
+    """Run once; return simulation and summary."""
     simulation = Simulation(scene, tracker, seed=seed,
                             clock=time.thread_time if timed else None, **options)
     goal = EdgeGoal(speed, FORCE, closed=closed)
@@ -51,7 +51,7 @@ def follow(scene, tracker, speed, seed, *, closed=False, timed=False, seconds=12
 
 
 def worst(summaries):
-    """Worst of several runs: errors, force, and how many ended well."""
+    """Return the worst errors and forces of several runs, and the number of successful runs."""
     def of(key):
         return float(np.max([summary[key] for summary in summaries]))
     mean_speed = [summary['tracked_length'] / max(tracking_time(summary), 1e-3)
@@ -68,7 +68,7 @@ def worst(summaries):
 
 
 def tracking_time(summary):
-    """How long the pad moved along the edge [s]."""
+    """Return how long the pad moved along the edge [s]."""
     total, entries = 0.0, summary['states']
     for entry, after in zip(entries, entries[1:], strict=False):
         if entry['state'] in ('track', 'corner', 'search'):
@@ -77,7 +77,7 @@ def tracking_time(summary):
 
 
 def corner_verdict(summary):
-    """How a corner or a curve was passed: held, cut or lost."""
+    """Return how a corner or curve was passed: held, cut or lost."""
     if not summary['ok'] or not math.isfinite(summary['lateral_max']):
         return 'lost'
     return 'held' if summary['lateral_max'] <= HELD else 'cut'
@@ -85,22 +85,22 @@ def corner_verdict(summary):
 
 def theoretical_gain(latency, dead_time, lag):
     """
-    Gain of a loop through the picture at the limit of stability [1/s].
+    Return the gain at the stability limit of a loop through the image [1/s].
 
-    In it are the latency of the picture, the dead time, half of each period and what is
-    committed of the windows that the servo sends.
+    Its delay includes the latency of the image, the dead time, half of each period and the
+    committed part of the servo's windows.
     """
     return gain_limit(latency + dead_time + 0.5 * STEP * (1 + PICTURE_EVERY)
                       + MotionConfig.committed, lag)
 
 
 def is_stable(tracker, gain, latency):
-    """Whether the pad comes to rest on a straight edge from a little beside it."""
+    """Return True if the pad settles on a straight edge after a small initial offset."""
     scene = shipped('straight')
     scene = replace(scene, start=replace(scene.start, offset=OFFSET))
     settings = (EdgeFollowingConfig(path=PathConfig(lateral_gain=gain)) if tracker == 'trace' else
                 ResolvedRateConfig(position=PositionConfig(1.0 / gain)))
-    with patch.object(resolved_rate, 'LIMIT_SHARE', 10.0):  # the limit itself is looked for
+    with patch.object(resolved_rate, 'LIMIT_SHARE', 10.0):  # do not limit the gain
         simulation, _ = follow(scene, tracker, 0.03, 0, latency=latency, settings=settings,
                                seconds=3.5)
     late = [cycle for cycle in simulation.log if cycle.status.state == State.TRACK][-200:]
@@ -111,7 +111,7 @@ def is_stable(tracker, gain, latency):
 
 
 def way_of(simulation):
-    """Way of the pad and the rebuilt contour for a picture [m]."""
+    """Return the path of the pad and the rebuilt contour for a picture [m]."""
     way = np.array([cycle.pose[:3, 3] for cycle in simulation.log
                     if cycle.status.state not in (State.RETREAT, State.DONE)])
     contour = simulation.servo.result().contour

@@ -17,7 +17,7 @@ def _outcome(row):
 
 
 def speed(result):
-    """Speed against accuracy."""
+    """Return the table of speed against accuracy."""
     return _table(
         ('edge', 'law', 'speed [mm/s]', 'mean speed', 'RMS [mm]', 'largest [mm]',
          'force error RMS [N]', 'largest force [N]', 'acceleration, largest [1/s²]', 'RMS [1/s²]',
@@ -33,7 +33,7 @@ def speed(result):
 
 
 def stability(result):
-    """Largest stable gain of those that were tried, beside the theoretical limit."""
+    """Return the largest stable gain of the tested ones, with the theoretical limit."""
     rows = []
     for latency in sorted({row['latency'] for row in result['stability']}):
         here = [row for row in result['stability'] if row['latency'] == latency]
@@ -51,7 +51,7 @@ def stability(result):
 
 
 def corners(result):
-    """What was held, cut or lost."""
+    """Return the table of corners and radii: held, cut or lost."""
     rows = []
     for row in result['corners']:
         size = f'{row["size"]}°' if row['kind'] == 'corner' else f'{1e3 * row["size"]:g} mm'
@@ -63,7 +63,7 @@ def corners(result):
 
 
 def hard(result):
-    """Survival."""
+    """Return the table of the hard scenes."""
     return _table(
         ('scene', 'law', 'survived', 'tracked [mm]', 'RMS [mm]', 'largest [mm]',
          'largest force [N]', 'why it ended'),
@@ -73,7 +73,7 @@ def hard(result):
 
 
 def figures(result):
-    """The thesis' figures."""
+    """Return the table of the thesis' figures."""
     rows = []
     for row in result['figures']:
         area = row['contour_area_error']
@@ -86,7 +86,7 @@ def figures(result):
 
 
 def everything(result):
-    """All tables."""
+    """Return all tables."""
     parts = (('Speed and accuracy', speed), ('Stability', stability),
              ('Corners and radii at 50 mm/s', corners), ('Hard scenes at 30 mm/s', hard),
              ("The thesis' figures", figures))

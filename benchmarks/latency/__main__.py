@@ -1,8 +1,8 @@
 """
-CPU and latency of the servo, part by part, on the real graph.
+CPU and latency of the parts of the servo, on the real graph.
 
-Mocks, sensing and servo run in processes of their own, as in the demo. Every case runs twice: as
-the machine is, and with its processors kept awake. Prints tables, and writes
+Mocks, sensing and servo run in separate processes, as in the demo. Every case runs twice: on the
+machine as it is, and with its processors kept awake. Prints tables, and writes
 benchmarks/results/latency.json and the tables into docs/results_latency.md.
 """
 
@@ -19,7 +19,7 @@ QUICK = CASES[:2]
 
 
 def measure(arguments, progress):
-    """Everything that the tables show, as one dictionary."""
+    """Return all data of the tables as one dictionary."""
     load, rows = os.getloadavg()[0], []
     for tracker, rate, awake in QUICK if arguments.quick else CASES:
         progress.step(f'{tracker}, {rate:g} Hz{", awake" * awake}')

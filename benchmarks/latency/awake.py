@@ -1,4 +1,4 @@
-"""Processors that never halt, as on hosts for real time (idle=poll, /dev/cpu_dma_latency)."""
+"""Keeps processors awake, as on real-time hosts (idle=poll, /dev/cpu_dma_latency)."""
 
 from contextlib import contextmanager
 import os
@@ -17,10 +17,10 @@ while True:
 @contextmanager
 def kept_awake():
     """
-    Keep every processor busy with what gives way to any other program at once (SCHED_IDLE).
+    Keep every processor busy with processes that yield to any other program (SCHED_IDLE).
 
-    A processor that has halted finds its caches cold, and that of a virtual machine the work of
-    another guest in them.
+    After a halt a processor's caches are cold; on a virtual machine they may contain data of
+    another guest.
     """
     busy = [subprocess.Popen([sys.executable, '-c', BUSY % core])
             for core in sorted(os.sched_getaffinity(0))]

@@ -1,11 +1,11 @@
-"""Picture of the latency benchmark: where the time of a control cycle goes."""
+"""Picture of the latency benchmark: parts of the time of a control cycle."""
 import matplotlib
 import matplotlib.pyplot as plt
 
 from benchmarks.latency.runs import BAR, CYCLE
 
 matplotlib.use('Agg')
-LEAST = 0.015  # ms, shown with its figure
+LEAST = 0.015  # ms, smallest part that is labelled
 
 
 def draw(result, folder):
@@ -32,7 +32,7 @@ def draw(result, folder):
 
 
 def _row(cpu):
-    """Parts of a mean cycle and what is left of it [ms]."""
+    """Return the parts of a mean cycle and the rest [ms]."""
     parts = {name.removeprefix('- '): 1e3 * part['mean'] * part['calls']
              for name, part in cpu.items() if name.startswith('- ')}
     return {**parts, 'the rest': max(1e3 * cpu[CYCLE]['mean'] - sum(parts.values()), 0.0)}

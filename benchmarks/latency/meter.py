@@ -1,4 +1,4 @@
-"""Wraps functions of a running node: processor time of each call, and instants along the way."""
+"""Wraps functions of a running node to measure processor times of calls and instants."""
 
 from collections import defaultdict
 from contextlib import contextmanager, ExitStack
@@ -13,8 +13,8 @@ class Meter:
     """
     Processor times of calls [s] by name, while `running`.
 
-    Clocks cost: the whole is timed by itself, and its parts while it is taken `apart`. A part
-    whose name begins with - counts `inside` of the whole only.
+    Clocks take time. So the whole is timed alone, and its parts only while `apart` is True. A part
+    whose name begins with - counts only `inside` the whole.
     """
 
     def __init__(self):
@@ -31,7 +31,7 @@ class Meter:
             yield
 
     def timed(self, name, function, whole=False):
-        """Return a function that does the same and is timed, as a part or as the whole."""
+        """Return the same function with timing, as a part or as the whole."""
         times, inner = self.times[name], name.startswith('-')
 
         @wraps(function)
@@ -47,32 +47,32 @@ class Meter:
 
 
 class Journey:
-    """Instants [ns] of the pictures on their way to a command, by their stamps."""
+    """Instants [ns] of the images on their way to a command, by their stamps."""
 
     def __init__(self):
         self.heard, self.begun, self.sent = {}, {}, {}
         self._cycle_begun, self._new = 0, None
 
     def hear(self, stamp_ns):
-        """A picture has come."""
+        """Record the arrival of an image."""
         self.heard[stamp_ns] = time_ns()
 
     def begin(self):
-        """A cycle begins."""
+        """Record the begin of a cycle."""
         self._cycle_begun = time_ns()
 
     def use(self, stamp_ns):
-        """The law has taken a picture."""
+        """Record that the law took an image."""
         self._new = stamp_ns
 
     def send(self):
-        """A command has been sent."""
+        """Record that a command was sent."""
         if self._new is not None:
             self.begun[self._new], self.sent[self._new] = self._cycle_begun, time_ns()
             self._new = None
 
     def stages(self, published, delay_ns):
-        """Durations [s] of every stage, for pictures that led to a command, name -> (N,)."""
+        """Return durations [s] of every stage, for images that led to a command, name -> (N,)."""
         stamps = np.array([stamp for stamp in self.sent
                            if stamp in published and stamp in self.heard], np.int64)
         way = [stamps + delay_ns] + [

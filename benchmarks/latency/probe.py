@@ -1,4 +1,4 @@
-"""Listens to a graph from a process of its own: when pictures and contacts were published."""
+"""Listens to a graph from a separate process: publication times of images and contacts."""
 
 import sys
 import threading
@@ -16,7 +16,7 @@ QUEUE = QoSProfile(depth=1000, reliability=qos_profile_sensor_data.reliability)
 
 
 class ProbeNode(Node):
-    """Keeps stamps and times of publication [ns] of pictures and contacts."""
+    """Stores stamps and publication times [ns] of images and contacts."""
 
     def __init__(self, **kwargs):
         super().__init__('probe', **kwargs)
@@ -34,7 +34,7 @@ class ProbeNode(Node):
 
 
 def main():
-    """Listen until the standard input ends; write what was heard into a file."""
+    """Listen until the standard input ends; write the times into a file."""
     ended = threading.Event()
 
     def wait():
@@ -44,7 +44,7 @@ def main():
     threading.Thread(target=wait, daemon=True).start()
     with rclpy.init(domain_id=int(sys.argv[2])):
         probe = ProbeNode(namespace='tactile')
-        executor = SingleThreadedExecutor()  # the events executor tells no times of publication
+        executor = SingleThreadedExecutor()  # the events executor gives no publication times
         executor.add_node(probe)
         while not ended.is_set():
             executor.spin_once(timeout_sec=0.1)

@@ -1,11 +1,11 @@
 """
-What a cycle of the servo's core costs, without ROS: the inputs of one run, again and again.
+Processor time of a cycle of the servo's core, without ROS, with the repeated inputs of a run.
 
-The simulation records what a servo hears while it follows the straight edge at 30 mm/s; a servo
-of its own then hears the same: warm; with 8 MB touched before every call; after a sleep before
-every cycle, on processors that halt meanwhile, and on such that are kept awake. Of every call the
-best of several passes counts; on a busy machine runs still differ by a third. Prints a table; run
-it as a module.
+The simulation records the inputs of a servo that follows the straight edge at 30 mm/s. Then
+another servo gets the same inputs: warm; with 8 MB touched before every call; and after a sleep
+before every cycle, on processors that halt in the sleep and on processors that are kept awake.
+Every call counts with its best time of several passes; on a busy machine runs still differ by a
+third. Prints a table; run it as a module.
 """
 
 import argparse
@@ -34,7 +34,7 @@ OTHER = np.zeros(1_000_000)  # 8 MB
 PAUSE = 0.0025  # s
 PASSES = 5
 CALLS = ('see_joints', 'see_image', 'see_contact', 'cycle')
-# Clocks cost: of parts that stand within one another only one set is timed in a pass.
+# Clocks take time, so nested parts are timed in different passes.
 SETS = ({name: (Supervisor, name) for name in CALLS},
         {'- freshness': (Inputs, 'refresh'), '- way counted': (GoalRun, 'count'),
          '- decided': (GoalRun, 'decide'), '- moved on': (GoalRun, 'command'),
@@ -43,7 +43,7 @@ SETS = ({name: (Supervisor, name) for name in CALLS},
 
 
 def simulation():
-    """Simulation of the demo's robot on the straight edge."""
+    """Return the simulation of the demo's robot on the straight edge."""
     robot = RobotModel.from_urdf(share('urdf', 'puma260.urdf'), 'tactile_pad')
     limits = JointLimits(robot.joint_names, robot.lower + 0.05, robot.upper - 0.05,
                          robot.velocity_limit, np.full(6, 10.0))
@@ -52,7 +52,7 @@ def simulation():
 
 
 def record():
-    """Calls of a servo's methods in a run, (name, arguments), and the trajectories it gave."""
+    """Return the calls of a servo's methods in a run, (name, arguments), and its trajectories."""
     loop, tape, given = simulation(), [], []
 
     def taped(name):
@@ -73,7 +73,7 @@ def record():
 
 
 def play(tape, meter=None, disturb=None):
-    """Let a new servo hear a tape; the trajectories that it gives."""
+    """Repeat recorded calls with a new servo; return its trajectories."""
     servo, given = simulation().servo, []
     for name, arguments in tape:
         if disturb is not None:
@@ -87,7 +87,11 @@ def play(tape, meter=None, disturb=None):
 
 
 def same(one, other):
-    """Largest difference of two lists of trajectories in times, positions and velocities."""
+    """
+    Return the largest difference of two lists of trajectories.
+
+    It compares times, positions and velocities.
+    """
     return max(np.abs(getattr(a, field) - getattr(b, field)).max()
                for a, b in zip(one, other, strict=True) if a is not None
                for field in ('times', 'positions', 'velocities'))
@@ -105,7 +109,7 @@ def rest(name):
 
 
 def account(tape, disturb=None):
-    """Processor time of every part [s]: mean over its calls, each of them the best of passes."""
+    """Return the mean processor time of every part [s]; a call counts with its best pass."""
     means = {}
     for parts in SETS:
         passes = []
@@ -121,7 +125,7 @@ def account(tape, disturb=None):
 
 
 def main():
-    """Print the account."""
+    """Print the table."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     tape, given = record()
     print(f'replayed to {same(given, play(tape)):.1g} rad')

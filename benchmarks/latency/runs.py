@@ -1,4 +1,4 @@
-"""A run of the graph, accounted."""
+"""One run of the graph, with processor times and latencies."""
 
 from contextlib import contextmanager
 import os
@@ -26,12 +26,12 @@ SPEED, FORCE, LENGTH = 0.03, 5.0, 0.12  # m/s, N, m
 NODE = sys.modules[EdgeServoNode.__module__]
 ROBOT = share('urdf', 'puma260.urdf')
 PROBE_TIMEOUT = 20.0  # s
-PATIENCE = 0.5  # s without an input until the servo holds
+PATIENCE = 0.5  # s without an input before the servo holds
 
-BLOCK = 20  # cycles, timed as a whole, and the next as many by their parts
-# Name of a part -> where it is. What is further in is part of what is further out.
+BLOCK = 20  # cycles timed as a whole; the next 20 are timed by their parts
+# Name of a part -> owner and attribute; parts with - are inside a cycle.
 CYCLE = 'cycle'
-BAR = 0.4e-3  # s; what it is to take
+BAR = 0.4e-3  # s; required time of a cycle
 PARTS = {
     'a joint state': (EdgeServoNode, '_on_joints'),
     'a picture heard': (EdgeServoNode, '_on_image'),
@@ -47,7 +47,7 @@ PARTS = {
 
 
 def account(tracker, rate):
-    """Run once: processor times and latencies."""
+    """Run once; return processor times and latencies."""
     path, meter, journey = find_scene('straight'), Meter(), Journey()
     scene = load_scene(path)
     domain = int(os.environ.get('ROS_DOMAIN_ID', os.getpid() % 100 + 1))
@@ -70,7 +70,7 @@ def account(tracker, rate):
 
             def watch():
                 running = servo._servo.state in TRACKING
-                if running != meter.running:  # begins, ends: odd and even
+                if running != meter.running:  # begin and end alternate in `clocks`
                     meter.running = running
                     clocks.append(_clocks(servo))
                 return track.finished
@@ -96,7 +96,7 @@ def account(tracker, rate):
 
 
 def _costs(times, cycles):
-    """Processor time of a cycle and of its parts, with how often each is called in one."""
+    """Return processor times of a cycle and of its parts, with their calls per cycle."""
     whole = len(times[CYCLE])
     costs = {CYCLE: _quantiles(times[CYCLE]) | {'calls': 1.0}}
     for name, some in times.items():
@@ -113,7 +113,7 @@ def _clocks(servo):
 def _parameters(rate):
     tree = yaml.safe_load(share('config', 'edge_tracking.yaml').read_text('utf-8'))
     tree['/**/mock_sensor']['ros__parameters']['rate'] = rate
-    # A busy machine is to be measured, too.
+    # Allow measurements on a busy machine.
     tree['/**/edge_servo']['ros__parameters'].update({
         f'input.{name}': PATIENCE
         for name in ('stale_image', 'stale_joints', 'max_stamp_age')})
@@ -139,7 +139,7 @@ def _probe(path, domain):
 
 @contextmanager
 def _following(meter, journey):
-    """Note when pictures come, a cycle begins, and the law takes a picture; time the cycles."""
+    """Record arrivals of images, begins of cycles and images used by the law; time the cycles."""
     on_image, on_cycle = EdgeServoNode._on_image, EdgeServoNode._on_cycle
     timed = meter.timed(CYCLE, on_cycle, whole=True)
     see_image = Supervisor.see_image

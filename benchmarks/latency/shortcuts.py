@@ -1,10 +1,11 @@
 """
-What the shortcuts of a control cycle buy: processor time of each, and of the plain way.
+Benefit of the shortcuts of a control cycle: processor time with and without each of them.
 
-Each is measured by itself and counted as often as a cycle of the servo at 400 Hz has it, with
-images at 200 Hz. The share is of what benchmarks/results/latency.json says of the servo's thread;
-one that buys less than 5 % should go. The heap is not of every cycle: its line is the longest time
-that a collection of garbage silences a servo. Prints a table; run it as a module.
+Each is measured alone and multiplied by its calls per cycle of the servo at 400 Hz, with images at
+200 Hz. The share is relative to the time of the servo's thread in benchmarks/results/latency.json;
+a shortcut that saves less than 5 % should be removed. The heap does not belong to every cycle: its
+line is the longest time that a garbage collection stops a servo. Prints a table; run it as a
+module.
 """
 
 import argparse
@@ -20,7 +21,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from benchmarks.harness import ROOT, table
-import edge_tracking.graph  # noqa: F401  with the heap of the nodes
+import edge_tracking.graph  # noqa: F401  loads the same heap as the nodes
 from tactile_common.ros.cdr import unpacked
 from tactile_common.ros.conversions import stamp_from_ns
 from tactile_common.ros.runner import freeze_heap
@@ -36,13 +37,13 @@ POINTS, JOINTS = 3, 6  # of a window
 
 
 def seconds(function, calls=200, rounds=15):
-    """Least time of a call [s]."""
+    """Return the least time of a call [s]."""
     function()
     return min(repeat(function, number=calls, repeat=rounds)) / calls
 
 
 def messages():
-    """Messages that a servo hears, and how many of each in a cycle."""
+    """Return the messages that a servo receives, and the number of each per cycle."""
     joints = JointState(name=[f'joint_{k}' for k in range(JOINTS)], position=[0.1] * JOINTS,
                         velocity=[0.2] * JOINTS)
     array = TactelArray(16, 16, 1e-3, 1e-3)
@@ -51,7 +52,7 @@ def messages():
 
 
 def message_of(window):
-    """JointTrajectory message of a window, made by rclpy's setters."""
+    """Make the JointTrajectory message of a window with rclpy's setters."""
     message = JointTrajectory(joint_names=list(window.joint_names))
     message.header.stamp = stamp_from_ns(window.stamp_ns)
     for k, time in enumerate(window.times.tolist()):
@@ -62,7 +63,7 @@ def message_of(window):
 
 
 def measured():
-    """Rows: what, its time in a cycle, and that of the plain way [s]."""
+    """Yield rows: shortcut, its time per cycle, and the time without it [s]."""
     times = np.zeros(2)
     for message, calls in messages():
         raw, kind = bytes(serialize_message(message)), type(message)
@@ -77,7 +78,7 @@ def measured():
 
 
 def collection():
-    """Time of a collection of all garbage [s]."""
+    """Return the time of a full garbage collection [s]."""
     begin = perf_counter()
     gc.collect()
     return perf_counter() - begin

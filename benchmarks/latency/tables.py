@@ -17,7 +17,7 @@ def _quantiles(row):
 
 
 def one(run):
-    """Account of one run."""
+    """Return the tables of one run."""
     head = (f'**{run["tracker"]}, pictures at {run["rate"]:g} Hz{AWAKE * run["awake"]}**: '
             f'{run["cycles"]} cycles in {run["seconds"]:.1f} s, {run["missed"]} missed; '
             f'{run["reason"]}')
@@ -31,6 +31,6 @@ def one(run):
 
 
 def everything(result):
-    """All tables."""
+    """Return all tables."""
     load = f'With {result["load"]:.1f} programs running on {result["cores"]} cores (load average):'
     return '\n'.join([load, '', *(one(run) for run in result['runs'])])

@@ -1,1 +1,1 @@
-"""Solvers of quadratic programs for the differential inverse kinematics."""
+"""Solvers of quadratic programs for the differential inverse kinematics, and windows."""

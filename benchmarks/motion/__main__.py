@@ -1,8 +1,8 @@
 """
-Windows as a controller plays them; solvers on the programs of `tactile_servo.motion.inverse`.
+Windows as played by a controller; solvers for the programs of `tactile_servo.motion.inverse`.
 
-For the solvers an arm is moved by twists with a joint at its limit; those that are not installed
-are left out (pip install daqp proxsuite osqp qpsolvers).
+For the solvers, an arm with one joint at its limit is moved by twists. Solvers that are not
+installed are left out (pip install daqp proxsuite osqp qpsolvers).
 """
 
 from importlib.util import find_spec
@@ -18,14 +18,14 @@ from tactile_servo.motion.inverse import damped_least_squares, hessian
 from tactile_servo.motion.robot import RobotModel
 
 ROOT = Path(__file__).resolve().parents[2]
-COUNT, WARM, CHECKED = 3000, 100, 500  # programs; left out of the times; compared
+COUNT, WARM, CHECKED = 3000, 100, 500  # all programs; not timed; compared
 
 
 def programs(joints, seed=0):
-    """Yield matrix, vector and bounds; successive ones are 2.5 ms of motion apart."""
+    """Yield matrix, vector and bounds; successive programs are 2.5 ms of motion apart."""
     robot = RobotModel.from_urdf(ROOT / 'launch/urdf/puma260.urdf', 'tactile_pad')
     rng, count = np.random.default_rng(seed), 0
-    extra = rng.normal(size=(6, joints - 6)) * 0.1  # columns of joints that the arm lacks
+    extra = rng.normal(size=(6, joints - 6)) * 0.1  # columns of additional joints
     while count < COUNT:
         if rng.random() < 0.005 or not count:
             positions = rng.uniform(robot.lower, robot.upper)
@@ -42,9 +42,9 @@ def programs(joints, seed=0):
 
 
 def exact(matrix, vector, lower, upper):
-    """Solution by bounded least squares of the root of the matrix."""
+    """Return the solution by bounded least squares of the root of the matrix."""
     root = np.linalg.cholesky(matrix)
-    # It takes no empty interval: a bound of its own is 1e-15 wide.
+    # The solver refuses empty intervals, so bounds are widened by 1e-15.
     return lsq_linear(root.T, -np.linalg.solve(root, vector), (lower - 1e-15, upper + 1e-15),
                       method='bvls', tol=1e-14, max_iter=500).x
 

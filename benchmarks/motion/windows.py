@@ -1,4 +1,4 @@
-"""What a controller that samples as the real one makes of windows: a table."""
+"""Accelerations that a controller makes from windows, with the sampling of a real one."""
 
 from contextlib import suppress
 import heapq
@@ -29,7 +29,7 @@ def at_once(window):
 
 
 def ahead(window):
-    """Without what lies less than 5 ms ahead, and without stamp."""
+    """Remove points less than 5 ms ahead, and the stamp."""
     later = window.times > 0.005 - 1e-9
     return Trajectory(window.joint_names, window.times[later], window.positions[later],
                       window.velocities[later])
@@ -38,9 +38,9 @@ def ahead(window):
 def play(shape, *, committed=MotionConfig.committed, least=0.5e-3, mean=0.3e-3, late=0.0,
          period=0.002, clock=0.0, joined=True, seed=0):
     """
-    Largest and RMS acceleration [rad/s^2] of the commands for a pad that swings.
+    Return largest and RMS acceleration [rad/s^2] of the commands for a swinging pad.
 
-    One window of `RARE` comes `late` [s], and those after it wait until then.
+    One window of `RARE` is `late` [s], and those after it wait until then.
     """
     robot = RobotModel.from_urdf(ROOT / 'launch/urdf/puma260.urdf', 'tactile_pad')
     limits = JointLimits(robot.joint_names, robot.lower, robot.upper, robot.velocity_limit,
@@ -61,7 +61,7 @@ def play(shape, *, committed=MotionConfig.committed, least=0.5e-3, mean=0.3e-3, 
         if window is None:
             continue
         way = least + rng.exponential(mean) + (late if count % RARE == 0 else 0.0)
-        last = max(now + way, last)  # none overtakes another
+        last = max(now + way, last)  # windows keep their order
         heapq.heappush(arrivals, (last, count, shape(window)))
     for now in steps:
         while arrivals and arrivals[0][0] <= now:

@@ -1,5 +1,5 @@
 """
-Speed and accuracy of local shape from touch: chapter 4 of the thesis measured again.
+Speed and accuracy of local shape from touch: chapter 4 of the thesis, measured again.
 
 Prints tables, and writes benchmarks/results/shape.json, pictures into docs/ and the tables into
 docs/results_shape.md. Times are processor time on one core.
@@ -23,11 +23,11 @@ LOCATION = (0.0, 4e-5, 7e-5, 1.5e-4, 3e-4, 6e-4)  # m
 COUNTS = (4, 5, 6, 8, 12, 16, 24, 48)
 TRAVELS = (1e-3, 2e-3, 4e-3, 8e-3, 1.2e-2, 1.6e-2, 2.4e-2)  # m
 BREADTHS = (0.0, 1e-4, 2.5e-4, 5e-4, 1e-3, 2e-3)  # m
-WRONG = 5e-4  # m; a patch that is off by more is wrong
+WRONG = 5e-4  # m; a patch with a larger error is wrong
 
 
 def thesis_figures(trials, rng, progress):
-    """Figures 4.4 to 4.10: errors over the cross-section, by form, speed and noise."""
+    """Run Figures 4.4 to 4.10: errors over the cross-section, by form, speed and noise."""
     rows = []
     for form, (_, rotation) in thesis.FORMS.items():
         progress.step(f'figures 4.4 to 4.8, {form}')
@@ -52,7 +52,7 @@ def thesis_figures(trials, rng, progress):
 
 
 def bars(trials, rng, progress):
-    """Errors and kinds of the least model with realistic noise."""
+    """Return errors and kinds of the least model with realistic noise."""
     rows = []
     method = methods.local_quadric()
     for case in cases.CASES:
@@ -68,7 +68,7 @@ def bars(trials, rng, progress):
 
 
 def without_noise(progress):
-    """Least, median and largest error over headings, where only the models differ."""
+    """Return least, median and largest error over headings, due to the models only."""
     rows = []
     exact = MatrixEstimator(LocalQuadricConfig(position_noise=1e-9, normal_noise=1e-7))
     for method in (methods.local_quadric(), methods.Stream('surface_matrix, N = 6', exact)):
@@ -82,7 +82,7 @@ def without_noise(progress):
 
 
 def error_and_time(trials, rng, progress):
-    """Every method on every surface, with its time per update."""
+    """Run every method on every surface, with its time per update."""
     rows = []
     for method in methods.compared():
         progress.step(f'error and time, {method.name}')
@@ -97,7 +97,7 @@ def error_and_time(trials, rng, progress):
 
 
 def sweeps(trials, rng, progress):
-    """Error against probing speed, window, location noise and number of contacts."""
+    """Return the error by probing speed, window, location noise and number of contacts."""
     rows = []
 
     def add(sweep, value, method, case, **options):
@@ -127,7 +127,7 @@ def sweeps(trials, rng, progress):
 
 
 def rank_map(progress):
-    """Parameters that noise-free contacts see, by motion and number of contacts."""
+    """Return the parameters that noise-free contacts determine, by motion and their number."""
     progress.step('rank map')
     rows = []
     plane, cylinder, sphere = cases.PLANE_CASE, cases.CYLINDER_CASE, cases.SPHERE_CASE
@@ -150,7 +150,7 @@ def rank_map(progress):
                 points = np.zeros((count, 3))
                 normals = np.column_stack([np.sin(lean), 0 * lean, np.cos(lean)])
             else:
-                # A zig-zag: every contact on the other side.
+                # A zig-zag: contacts alternate between both sides.
                 weave = {'wavelength': 16e-3, 'heading': 0.0, **path}
                 along = 4e-3 * np.arange(-count + 1, 1)
                 side = weave['amplitude'] * (np.arange(count)[::-1] % 2)
@@ -163,7 +163,7 @@ def rank_map(progress):
 
 
 def refusals(trials, rng, progress):
-    """Share refused, and of patches that are wrong, by travel and breadth of the path."""
+    """Return shares of refused and wrong patches, by length and breadth of the path."""
     rows = []
     for method in (methods.local_quadric(), methods.surface_matrix()):
         for case in (cases.CYLINDER_CASE, cases.SPHERE_CASE):
@@ -183,7 +183,7 @@ def refusals(trials, rng, progress):
 
 
 def measure(arguments, progress):
-    """Everything that the tables and pictures show, as one dictionary."""
+    """Return all data of the tables and pictures as one dictionary."""
     rng = np.random.default_rng(arguments.seed)
     part = 0.1 if arguments.quick else 1.0
     return {

@@ -1,4 +1,4 @@
-"""Surfaces, paths and noise of the shape benchmark, and how an error is taken."""
+"""Surfaces, paths, noise and error measures of the shape benchmark."""
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -8,14 +8,14 @@ from benchmarks.shape.surfaces import add_noise, cylinder, PLANE, sphere, Torus,
 from tactile_shape.types.patch import Kind, Patch
 
 PATCH = (0.02, 0.004)  # m
-TRACE = 0.028  # m along the course: a window of 24 mm of path and a start
+TRACE = 0.028  # m along the course: a window of 24 mm and a lead-in
 NOISE = {'position': 2e-5, 'normal': 5e-4, 'location': 1.5e-4}
 
 
 @dataclass(frozen=True)
 class Case:
     """
-    A surface with the bars of its error.
+    A surface with the required errors.
 
     Attributes
     ----------
@@ -23,8 +23,8 @@ class Case:
     surface : Torus
     kind : Kind
     median, most, right : float
-        Bars: median and 95th percentile of the largest error over 20 x 4 mm [m], and the share
-        of patches of the right kind.
+        Requirements: median and 95th percentile of the largest error over 20 x 4 mm [m], and the
+        share of patches of the right kind.
     """
 
     name: str
@@ -57,14 +57,14 @@ class Trial(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Errors (trials,) [m], of `patch_error`, and the patches that have them."""
+    """Errors (trials,) [m] from `patch_error`, and the patches."""
 
     errors: np.ndarray
     found: list[Patch]
 
 
 def trial(case, rng, *, length=TRACE, noise=NOISE, **path):
-    """Trial of noisy contacts along a weave of random heading."""
+    """Return noisy contacts along a weave of random heading."""
     if 'heading' not in path:
         path['heading'] = rng.uniform(0.0, np.pi)
     weave = Weave(**path)
@@ -76,10 +76,10 @@ def trial(case, rng, *, length=TRACE, noise=NOISE, **path):
 
 def patch_error(patch, case, weave):
     """
-    Largest distance of a patch from the true surface over 20 x 4 mm [m].
+    Return the largest distance of a patch from the true surface over 20 x 4 mm [m].
 
-    The long side lies along the path's course. NaN if not valid or if one of the curvatures was
-    not seen, which the patch says.
+    The long side is along the path's course. NaN if the patch is invalid or reports that one of
+    its curvatures was not seen.
     """
     if not (patch.valid and patch.seen.all()):
         return np.nan
@@ -87,7 +87,7 @@ def patch_error(patch, case, weave):
 
 
 def error_where_seen(patch, case):
-    """The same along a principal direction that was seen; NaN if none was."""
+    """Return the same error along a principal direction that was seen; NaN if none was."""
     if not patch.valid:
         return np.nan
     return _error(patch, case, patch.directions[np.argmax(patch.seen)])
@@ -99,7 +99,7 @@ def _error(patch, case, direction):
 
 
 def run(method, case, trials, rng, **options):
-    """Outcome of a method over many traces."""
+    """Return the outcome of a method over many traces."""
     errors, found = [], []
     for _ in range(trials):
         points, normals, weave = trial(case, rng, **options)
@@ -109,7 +109,7 @@ def run(method, case, trials, rng, **options):
 
 
 def spread(errors):
-    """Median and 95th percentile of the errors that there are, and the share without."""
+    """Return median and 95th percentile of the finite errors, and the share of NaN."""
     good = errors[np.isfinite(errors)]
     median, most = np.percentile(good, [50, 95]) if len(good) else (np.nan, np.nan)
     return {'median': float(median), 'most': float(most),

@@ -29,7 +29,7 @@ def _row(result, form, noise, along, across=1e-2):
 
 
 def _thesis(result):
-    """Figures 4.4 to 4.10."""
+    """Draw Figures 4.4 to 4.10."""
     literal, rotation, _ = thesis.FORMS
     figure = plt.figure(figsize=(11, 9.5), layout='constrained')
     grid = figure.add_gridspec(3, 2)

@@ -1,4 +1,4 @@
-"""What is compared: the estimators, and a paraboloid through positions as others fit it."""
+"""Compared methods: the estimators, and a paraboloid fitted to positions only."""
 from dataclasses import dataclass
 import time
 
@@ -16,7 +16,7 @@ WINDOW = 0.024  # m
 @dataclass(frozen=True)
 class Stream:
     """
-    An estimator that is fed contact by contact.
+    An estimator that gets one contact at a time.
 
     Attributes
     ----------
@@ -28,14 +28,14 @@ class Stream:
     estimator: SurfaceEstimator
 
     def __call__(self, points, normals):
-        """Patch at the last contact of a trace."""
+        """Return the patch at the last contact of a trace."""
         self.estimator.reset()
         for point, normal in zip(points, normals, strict=True):
             self.estimator.add(point, normal)
         return self.estimator.estimate()
 
     def times(self, points, normals):
-        """Processor time of every update along a trace, ndarray [s]."""
+        """Return the processor time of every update along a trace, ndarray [s]."""
         self.estimator.reset()
         took = []
         for point, normal in zip(points, normals, strict=True):
@@ -46,7 +46,7 @@ class Stream:
 
 
 class Paraboloid:
-    """Least squares of z = a + b u + u' K u / 2 through positions alone, by numpy."""
+    """Least-squares fit of z = a + b u + u' K u / 2 to positions only, with numpy."""
 
     def reset(self):
         self._points = []
@@ -73,7 +73,7 @@ class Paraboloid:
         frame = np.eye(4)
         normal = axes @ (np.array([-b, -c, 1.0]) / long)
         tilt = tangent_frame(normal)
-        # Slopes are small: the curvature is taken as that in the tilted frame.
+        # Slopes are small, so the curvature is approximated in the tilted frame.
         bend = ((tilt[:, :2].T @ axes[:, :2]) @ np.array([[k11, k12], [k12, k22]])
                 @ (axes[:, :2].T @ tilt[:, :2]) / long**3)
         first, second, heading = principal_curvatures(bend[0, 0], bend[0, 1], bend[1, 1])
@@ -84,18 +84,18 @@ class Paraboloid:
 
 
 def local_quadric(name='local_quadric', **config):
-    """Least-model estimator with changes to its defaults."""
+    """Return the least-model estimator with changes to its defaults."""
     return Stream(name, LocalQuadric(LocalQuadricConfig(**config)))
 
 
 def surface_matrix(contacts=6, window=WINDOW, name=None):
-    """The thesis' estimator on contacts spread over a window."""
+    """Return the thesis' estimator for contacts spread over a window."""
     return Stream(name or f'surface_matrix, N = {contacts}', MatrixEstimator(
         LocalQuadricConfig(window=window), contacts))
 
 
 def compared():
-    """The methods of the chart of error against time."""
+    """Return the methods of the chart of error against time."""
     return [local_quadric(), surface_matrix(6), surface_matrix(12), surface_matrix(24),
             surface_matrix(5, 1e-3, 'surface_matrix, 5 adjacent'),
             Stream('paraboloid through positions', Paraboloid())]

@@ -1,5 +1,5 @@
 """
-What a finger's motion says of the points and normals it touched (thesis, 4.19 to 4.31).
+Points and normals of contacts from a finger's motion (thesis, 4.19 to 4.31).
 
 Contact frame C(t): origin at the contact, z the object's inward unit normal. The finger is on the
 other side: its own inward normal is (0, 0, -1), the centre of a round finger (0, 0, -radius).
@@ -19,11 +19,11 @@ class RelativeMotion:
     Parameters
     ----------
     to_current : array_like, shape (N, 4, 4)
-        Transform from the contact frame at the beginning of each step to the current one, which
-        is that at the end of the last step.
+        Transform from the contact frame at the beginning of each step to the current one, the
+        frame at the end of the last step.
     velocity, angular, sliding : array_like, shape (N, 3)
-        In the contact frame at the beginning of each step: velocity V [m/s] of the finger's point
-        of contact relative to the object, angular velocity [rad/s] of the finger, velocity v
+        In the contact frame at the beginning of each step: velocity V [m/s] of the finger's
+        contact point relative to the object, angular velocity [rad/s] of the finger, velocity v
         [m/s] of the contact along the finger's surface.
     period : float
         Duration of a step [s].
@@ -63,7 +63,7 @@ def printed_contacts(
         motion: RelativeMotion,
         finger_curvature: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """
-    Contacts after each step to the first order, as the thesis prints it (4.30, 4.31).
+    Return contacts after each step to first order, as printed in the thesis (4.30, 4.31).
 
     The normal turns by (w x n) dt and by v dt / radius, the contact moves by (V + v) dt. Errors
     grow with the square of the step.
@@ -78,12 +78,12 @@ def printed_contacts(
     -------
     points, normals : ndarray, shape (N, 3)
         In the current contact frame: y_i of (4.31) without its 1, and -2 x_i of (4.30), the
-        object's inward normal, not quite of length 1.
+        object's inward normal, whose length is not exactly 1.
     """
     up = np.array([0.0, 0.0, 1.0])
     moved = (motion.velocity + motion.sliding) * motion.period
-    # Seen from the object the finger's normal is -up. That of a sphere leans with the
-    # sliding, which for a finger that rolls on a plane undoes its turning.
+    # Seen from the object the finger's normal is -up. The normal of a sphere tilts with the
+    # sliding; for a finger that rolls on a plane this compensates its rotation.
     turned = up + motion.period * (
         np.cross(motion.angular, up) + finger_curvature * motion.sliding)
     return _in_current(motion.to_current, moved, turned)
@@ -93,9 +93,9 @@ def finite_contacts(
         motion: RelativeMotion,
         finger_curvature: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """
-    Contacts after each step, exactly: parameters and returns as of `printed_contacts`.
+    Return contacts after each step, exactly; same interface as `printed_contacts`.
 
-    The velocities are those of a screw motion, constant in the finger's frame during a step; the
+    The velocities are those of a screw motion, constant in the finger's frame during a step. The
     contact slides along a great circle of the finger.
     """
     turn, shift = screw_motion(motion.velocity * motion.period, motion.angular * motion.period)
@@ -105,7 +105,7 @@ def finite_contacts(
     angle = finger_curvature * length
     up = np.array([0.0, 0.0, 1.0])
     outward = np.cos(angle) * up + np.sin(angle) * heading  # from the finger's centre
-    # radius * sin and radius * (cos - 1), which a flat finger has as well
+    # radius * sin and radius * (cos - 1), also valid for a flat finger
     on_finger = length * (np.sinc(angle / np.pi) * heading
                           - 0.5 * angle * np.sinc(0.5 * angle / np.pi)**2 * up)
     moved = np.einsum('nij,nj->ni', turn, on_finger) + shift
@@ -114,7 +114,7 @@ def finite_contacts(
 
 def screw_motion(shift: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    Finite motion by constant velocities.
+    Return the finite motion of constant velocities.
 
     Parameters
     ----------

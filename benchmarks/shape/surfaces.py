@@ -1,4 +1,4 @@
-"""Surfaces of known shape, paths of contact on them and the noise of real contacts."""
+"""Surfaces of known shape, paths of contacts on them and the noise of real contacts."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +8,7 @@ from tactile_simulation.surface_objects import Torus as SolidTorus
 
 
 class Torus(SolidTorus):
-    """A torus, with points on it; also plane, cylinder and sphere."""
+    """A torus with points on it; also plane, cylinder and sphere."""
 
     @property
     def curvature(self) -> np.ndarray:
@@ -17,19 +17,19 @@ class Torus(SolidTorus):
 
     def at(self, along: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """
-        Points and inward normals where arcs along the ring and across it lead.
+        Return points and inward normals at arc lengths along and across the ring.
 
         Parameters
         ----------
         along, across : ndarray, shape (N,)
-            Lengths of arc [m].
+            Arc lengths [m].
 
         Returns
         -------
         points, normals : ndarray, shape (N, 3)
         """
         latitude = across / self.tube
-        # of the ring, with everything finite where a radius is not
+        # Outer radius of the ring; all results are finite even if a radius is not.
         outer = self.ring + self.tube
         longitude = along / outer
         sagitta = _sagitta(across, self.tube)
@@ -48,12 +48,12 @@ PLANE = Torus(np.inf, np.inf)
 
 
 def cylinder(radius: float) -> Torus:
-    """Cylinder with its axis along x [m]."""
+    """Return a cylinder of a radius [m] with its axis along x."""
     return Torus(np.inf, radius)
 
 
 def sphere(radius: float) -> Torus:
-    """Sphere [m]."""
+    """Return a sphere of a radius [m]."""
     return Torus(0.0, radius)
 
 
@@ -69,11 +69,11 @@ class Weave:
     Parameters
     ----------
     amplitude, wavelength : float
-        [m]; an amplitude of 0 is a straight path.
+        [m]; an amplitude of 0 gives a straight path.
     heading : float
-        Of the course, from x of the surface [rad].
+        Heading of the course, from x of the surface [rad].
     speed : float
-        Along the path [m/s].
+        Speed along the path [m/s].
     rate : float
         Contacts per second [Hz].
     """
@@ -86,13 +86,13 @@ class Weave:
 
     def trace(self, surface: Torus, length: float) -> tuple[np.ndarray, np.ndarray]:
         """
-        Contacts along a path that ends at the surface's origin, near enough.
+        Return contacts along a path that ends approximately at the surface's origin.
 
         Parameters
         ----------
         surface : Torus
         length : float
-            Of the path [m].
+            Length of the path [m].
 
         Returns
         -------
@@ -113,7 +113,7 @@ def add_noise(
         position: float = 2e-5, normal: float = 5e-4, location: float = 1.5e-4,
         finger_radius: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """
-    Contacts as a robot with a tactile pad would report them.
+    Return contacts as reported by a robot with a tactile pad.
 
     Parameters
     ----------
@@ -123,7 +123,8 @@ def add_noise(
         Standard deviations per axis: of the robot's position [m], of the normal [rad] and of the
         contact on the pad [m].
     finger_radius : float
-        A round finger takes its normal from the location: their errors are one. 0 = flat [m].
+        A round finger derives its normal from the location, so their errors are coupled. 0 = flat
+        [m].
 
     Returns
     -------

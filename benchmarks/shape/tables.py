@@ -14,12 +14,12 @@ def _mm(value, digits=3):
 
 
 def _short(value):
-    """A length in mm with two significant digits, and exact zeros as what they are."""
+    """Return a length in mm with two significant digits; very small ones in exponent form."""
     return f'{1e3 * value:.1e}' if value < 1e-7 else f'{1e3 * value:.2g}'
 
 
 def bars(result):
-    """The least model against its bars."""
+    """Return the table of the least model and its requirements."""
     return _table(
         ['surface', 'median [mm]', 'bar', '95 % [mm]', 'bar', 'right kind', 'bar', 'refused'],
         [[row['case'], _mm(row['median'], 4), _mm(row['bar_median']), _mm(row['most'], 4),
@@ -28,14 +28,14 @@ def bars(result):
 
 
 def confusion(result):
-    """Kinds that were found."""
+    """Return the table of the kinds found."""
     return _table(['surface', *KINDS], [
         [row['case'], *(f'{100 * row["kinds"][kind]:.1f} %' for kind in KINDS)]
         for row in result['bars']])
 
 
 def without_noise(result):
-    """Errors that the models alone make."""
+    """Return the table of errors due to the models only."""
     names = list(dict.fromkeys(row['case'] for row in result['without_noise']))
     rows = []
     for method in dict.fromkeys(row['method'] for row in result['without_noise']):
@@ -48,7 +48,7 @@ def without_noise(result):
 
 
 def error_and_time(result):
-    """Median / 95 % error of each method on each surface, and its time."""
+    """Return the table of median / 95 % errors of each method on each surface, and its time."""
     names = list(dict.fromkeys(row['case'] for row in result['error_and_time']))
     rows = []
     for method in dict.fromkeys(row['method'] for row in result['error_and_time']):
@@ -66,7 +66,7 @@ def error_and_time(result):
 
 
 def thesis(result):
-    """Largest error of the cross-section by form, speed and noise."""
+    """Return the table of the largest error of the cross-section by form, speed and noise."""
     rows = []
     speeds = list(dict.fromkeys(row['along'] for row in result['thesis']))
     for form in dict.fromkeys(row['form'] for row in result['thesis']):
@@ -79,7 +79,7 @@ def thesis(result):
 
 
 def rank(result):
-    """Rank by motion and number of contacts."""
+    """Return the table of ranks by motion and number of contacts."""
     counts = sorted({row['contacts'] for row in result['rank']})
     rows = []
     for motion in dict.fromkeys(row['motion'] for row in result['rank']):
@@ -95,7 +95,7 @@ def rank(result):
 
 
 def everything(result):
-    """All tables."""
+    """Return all tables."""
     versions = ', '.join(f'{name} {value}' for name, value in result['versions'].items())
     return '\n\n'.join([
         f'Seed {result["seed"]}; {versions}.',

@@ -1,4 +1,4 @@
-"""The thesis' own simulation (section 4.5): a zig-zag on a cylinder, by velocities."""
+"""The thesis' simulation (section 4.5): a zig-zag on a cylinder, from velocities."""
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -14,13 +14,13 @@ from tactile_common.errors import SurfaceError
 from tactile_shape.thesis.matrix_fit import fit_matrix
 
 RADIUS, FINGER = 0.1, 0.01  # m, Table 4.1
-STEPS = 5  # contacts, one a second
-NOISE = 0.15  # of the nominal velocity, uniform
+STEPS = 5  # contacts, one per second
+NOISE = 0.15  # share of the nominal velocity, uniform
 X = np.linspace(-0.01, 0.01, 41)  # m, cross-section of the patch of 20 x 4 mm
 
 
 class Form(NamedTuple):
-    """How contacts follow from motion, and whether the finger's rotation is told."""
+    """Function from motion to contacts; `rotation` is True if it gets the finger's rotation."""
 
     contacts: Callable
     rotation: bool
@@ -34,7 +34,7 @@ FORMS = {
 
 def zigzag(along, across, *, rng=None, noisy='', frames_too=False, rotation=True):
     """
-    Motion of a finger that slides with a fixed point over the cylinder.
+    Return the motion of a finger that slides with a fixed point over the cylinder.
 
     Parameters
     ----------
@@ -42,11 +42,12 @@ def zigzag(along, across, *, rng=None, noisy='', frames_too=False, rotation=True
         Vx and Vy [m/s]; Vy changes sign with every step.
     rng : np.random.Generator, optional
     noisy : str
-        'Vx', 'Vy' or 'v' (of the size of Vx): what the estimator is told with an error of 15 %.
+        'Vx', 'Vy' or 'v' (of the size of Vx): the value given to the estimator with an error of
+        15 %.
     frames_too : bool
-        Whether the contact frames are composed from the noisy velocities as well.
+        True if the contact frames are also composed from the noisy velocities.
     rotation : bool
-        Whether the estimator is told the rotation of the finger.
+        True if the estimator gets the rotation of the finger.
     """
     velocity = np.tile([along, across, 0.0], (STEPS, 1))
     velocity[1::2, 1] *= -1.0
@@ -72,15 +73,15 @@ def zigzag(along, across, *, rng=None, noisy='', frames_too=False, rotation=True
 
 
 def fit(form, motion):
-    """MatrixFit of a motion, by one of `FORMS`."""
+    """Return the MatrixFit of a motion with one of `FORMS`."""
     return fit_matrix(*FORMS[form].contacts(motion, 1.0 / FINGER))
 
 
 def section(fitted, x=X):
     """
-    Height of an estimated surface over the cross-section y = 0 [m].
+    Return the height of an estimated surface over the cross-section y = 0 [m].
 
-    NaN where the line through x meets no surface.
+    NaN where the line through x does not meet the surface.
     """
     s = fitted.surface.matrix
     half = s[2, 3] + s[0, 2] * x
@@ -91,7 +92,7 @@ def section(fitted, x=X):
 
 
 def section_error(fitted, x=X):
-    """Error of the height over the cross-section [m]."""
+    """Return the error of the height over the cross-section [m]."""
     try:
         return section(fitted, x) - (RADIUS - np.sqrt(RADIUS**2 - x**2))
     except (AttributeError, SurfaceError):
@@ -99,7 +100,7 @@ def section_error(fitted, x=X):
 
 
 def noisy_errors(form, along, across, noisy, trials, rng, frames_too=False):
-    """Errors over the cross-section of many noisy runs, ndarray (trials, X) [m]."""
+    """Return errors over the cross-section of many noisy runs, ndarray (trials, X) [m]."""
     return np.array([section_error(fit(form, zigzag(
         along, across, rng=rng, noisy=noisy, frames_too=frames_too,
         rotation=FORMS[form].rotation))) for _ in range(trials)])

@@ -1,1 +1,1 @@
-"""How far the pad goes after a stop."""
+"""Stop distance of the pad."""

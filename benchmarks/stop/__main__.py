@@ -1,4 +1,4 @@
-"""Way and time of the pad from a pause to its rest, by speed, in simulation: docs/safety.md."""
+"""Distance and time of the pad from a pause to rest, by speed, in simulation: docs/safety.md."""
 
 import argparse
 from pathlib import Path
@@ -18,7 +18,7 @@ REST = 1e-6  # m/s
 
 
 def stop(speed, acceleration):
-    """Way [m] and time [s] to a rest of a PUMA 260 on a straight edge, and the force [N]."""
+    """Return the stop distance [m] and time [s] of a PUMA 260 on an edge, and the force [N]."""
     model = RobotModel.from_urdf(ROOT / 'launch/urdf/puma260.urdf', 'tactile_pad')
     limits = JointLimits(model.joint_names, model.lower + 0.05, model.upper - 0.05,
                          model.velocity_limit, np.full(6, acceleration))

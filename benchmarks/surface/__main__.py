@@ -1,9 +1,9 @@
 """
-Surface tracking by the tactile Jacobian: speed, accuracy, errors of calibration, in simulation.
+Surface tracking with the tactile Jacobian: speed, accuracy, calibration errors; simulated.
 
 Prints tables, and writes benchmarks/results/surface.json, pictures into docs/ and the tables into
-docs/results_surface.md. Images come from the finite elements, the law uses the half-space.
-Seeded; runs are spread over processes: what is a time is processor time.
+docs/results_surface.md. Images come from the finite elements, the law uses the half-space. All
+runs are seeded. They are distributed over processes; times are processor times.
 """
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -21,11 +21,11 @@ MODELS = ('elements', 'jacobians', 'resolution')
 
 
 def measure(arguments, progress):
-    """Everything that the tables and pictures show."""
+    """Return all data of the tables and pictures."""
     wanted = [*cases()]
     if arguments.quick:
         wanted = [case for case in wanted if case.part != 'gains']
-    # Kernels are compiled, and the skin is solved, before the processes part.
+    # Compile the kernels and solve the skin before the processes are started.
     follow(replace(wanted[0], goal=line(0.05, length=0.002)), 0)
     parts: dict[str, list] = {}
     with ProcessPoolExecutor(max_workers=arguments.processes) as pool:
@@ -50,7 +50,7 @@ def measure(arguments, progress):
 
 
 def limits(rows):
-    """Largest gain of each control that was stable, as were all below it, by latency."""
+    """Return by latency the largest gain of each control up to which all gains were stable."""
     found = []
     for latency in dict.fromkeys(row['latency'] for row in rows):
         own = [row for row in rows if row['latency'] == latency]

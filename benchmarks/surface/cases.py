@@ -1,4 +1,4 @@
-"""What the surface benchmark follows in the closed loop."""
+"""Cases of the surface benchmark in the closed loop."""
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -28,7 +28,7 @@ SPEEDS = (0.01, 0.05, 0.1, 0.15, 0.2)
 LAWS = {'predicted': 'tactile_jacobian', 'thesis': 'jacobian_rate'}  # by their columns
 STEPS = (-0.003, -0.002, -0.001, 0.001, 0.002)  # m
 LATENCIES = (0.0, 0.005, 0.01, 0.02, 0.04)  # s
-MOST_GAIN = 200.0  # 1/s, that a configuration may have
+MOST_GAIN = 200.0  # 1/s, upper bound of a configuration
 GAINS = (0.25, 0.5, 0.8, 1.0, 1.4, 2.0)  # of the limit in theory
 STABLE = 0.5  # N RMS of the force, above which a loop counts as unstable
 PROBE = ProbeConfig()
@@ -44,9 +44,9 @@ KEYS = ('ok', 'reason_code', 'tracked_length', 'surface_rms', 'surface_max', 'ce
         'force_target', 'force_mean', 'force_rms_error', 'force_max', 'contact_kept')
 WORST = ('surface_rms', 'surface_max', 'centre_max', 'force_rms_error', 'force_max')
 LONGEST = 60.0  # s simulated
-# 150 and 200 mm/s: a wrist that can turn so fast, and gains that let it.
+# 150 and 200 mm/s need a fast wrist and suitable limits.
 COURSE = CourseConfig(acceleration=1.0, blind=5e-5)
-ROLL = RollConfig(max_rate=10.0, acceleration=14.0)  # of 20 rad/s^2 that the wrist has
+ROLL = RollConfig(max_rate=10.0, acceleration=14.0)  # the wrist's limit is 20 rad/s^2
 FAST = {'predicted': SurfaceConfig(course=COURSE, roll=ROLL),
         'thesis': JacobianRateConfig(course=COURSE, roll=ROLL)}
 FAST_WRIST = 12.0  # rad/s
@@ -54,7 +54,7 @@ FAST_WRIST = 12.0  # rad/s
 
 @dataclass(frozen=True)
 class Case:
-    """A row of a table: what is followed, how, and what a row says of that."""
+    """A row of a table: scene, goal and settings of a run, and the names in the row."""
 
     part: str
     names: dict[str, Any]
@@ -62,18 +62,18 @@ class Case:
     goal: SurfaceGoal
     settings: SurfaceConfig | None = None
     law: str | None = None
-    start: SurfaceStart = SurfaceStart()  # at the top, wherever the scene begins for an arm
+    start: SurfaceStart = SurfaceStart()  # at the top, in place of the scene's start
     step: float | None = None  # m, of the scene `step`
-    before: float = 0.0  # N with which the probe is pressed when the goal begins
-    offset: tuple[float, float, float] | None = None  # m, of the probe from where it is said to be
+    before: float = 0.0  # force on the probe when the goal begins [N]
+    offset: tuple[float, float, float] | None = None  # true minus assumed place of the probe [m]
     latency: float | None = None  # s
     wrist: float = 0.0  # rad/s; 0: that of the gantry
-    one: bool = False  # whether one seed is enough
-    figure: bool = False  # whether the contacts are kept
+    one: bool = False  # True if one seed is enough
+    figure: bool = False  # True if the contacts are stored
 
 
 class Misplaced(SurfaceWorld):
-    """A probe that is not where its robot believes it to be, by an offset (3,) [m]."""
+    """A probe displaced by an offset (3,) [m] from where the robot assumes it."""
 
     offset = np.eye(4)
 
@@ -82,12 +82,12 @@ class Misplaced(SurfaceWorld):
 
 
 def line(speed: float, direction=(0.4, 1.0, 0.0), length=0.06, force=5.0) -> SurfaceGoal:
-    """Along a way, at an angle to everything."""
+    """Return a goal along a line that is oblique to all axes."""
     return SurfaceGoal(speed, force, direction=direction, length=length)
 
 
 def cases() -> Iterator[Case]:
-    """Give everything that is run."""
+    """Yield all cases."""
     for name in OBJECTS:
         for speed in SPEEDS:
             for control, law in LAWS.items():
@@ -123,9 +123,9 @@ def cases() -> Iterator[Case]:
 
 
 def gains() -> Iterator[Case]:
-    """Gain of the force times latency, of both controls."""
+    """Yield cases with gains of the force and latencies, for both controls."""
     for latency in LATENCIES:
-        # Half of each period, as the mean wait for an image and for a cycle.
+        # Half of each period is the mean wait for an image and for a cycle.
         plant = load_scene(scene_file('plane')).plant
         delay = latency + plant.dead_time + 0.5 * STEP * (1 + PICTURE_EVERY)
         limit = gain_limit(delay, plant.lag)
@@ -142,12 +142,12 @@ def gains() -> Iterator[Case]:
 
 
 def scene_file(name):
-    """Path of a scene that is shipped."""
+    """Return the path of an installed scene."""
     return ROOT / f'launch/scenes/surfaces/{name}.yaml'
 
 
 def follow(case: Case, seed: int) -> tuple[dict[str, Any], list, list]:
-    """Run a case once: numbers of its summary, contacts and their errors."""
+    """Run a case once; return numbers of its summary, contacts and their errors."""
     scene = replace(load_scene(scene_file(case.scene)), start=case.start)
     if case.step is not None:
         scene = replace(scene, surface=Placed(StepShape(case.step), scene.top))
@@ -173,7 +173,7 @@ def follow(case: Case, seed: int) -> tuple[dict[str, Any], list, list]:
 
 
 def press_before(simulation: Simulation, force: float) -> None:
-    """Leave the probe pressed with a force [N], as a goal that was cancelled does."""
+    """Leave the probe pressed with a force [N], as after a cancelled goal."""
     simulation.run(SurfaceGoal(0.001, force, length=0.2), 2.0)
     simulation.servo.cancel()
     simulation.run(None, 0.5)
@@ -182,7 +182,7 @@ def press_before(simulation: Simulation, force: float) -> None:
 
 
 def worst(found: list[dict[str, Any]]) -> dict[str, Any]:
-    """Worst numbers of all seeds, and every way in which they ended."""
+    """Return the worst numbers of all seeds, and all reasons of their ends."""
     return {**found[0], 'ok': all(one['ok'] for one in found),
             'reason_code': ', '.join(sorted({one['reason_code'] for one in found})),
             'contact_kept': min(one['contact_kept'] for one in found),

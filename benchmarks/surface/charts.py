@@ -1,4 +1,4 @@
-"""Pictures of the surface benchmark, among them the thesis' Figures 6.11 to 6.14."""
+"""Pictures of the surface benchmark, including the thesis' Figures 6.11 to 6.14."""
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np

@@ -22,22 +22,23 @@ DOME, SKIN = Dome(), SkinConfig()
 ACROSS = (9, 15, 20, 25, 30)  # elements, in four layers
 TABLES = (2, 4, 6, 12)  # contacts along each side of the pad
 FORCES = np.array([1.0, 2.0, 3.5, 5.0, 7.5, 10.0])  # N, of a table
-STATES = 400  # that the tables are tried on
-STEP = 5e-4  # m by which a contact is off; the force by a tenth of this share of its own
+STATES = 400  # number of test contacts for the tables
+STEP = 5e-4  # m, displacement of a contact
 STIFFNESS = 15600.0  # N/m
 
 
 def array() -> TactelArray:
-    """Array of the scenes."""
+    """Return the array of the scenes."""
     return Sensor().array
 
 
 def resolution() -> list[dict]:
     """
-    Error of the step that a table's Jacobian makes of a small change, and what it costs.
+    Return the error of the step that a table's Jacobian derives from a small displacement.
 
-    Contacts anywhere within 9 mm at 2 to 8 N, moved by `STEP`; images of the elements. Tables of
-    the half-space as the servo has them, and of the elements.
+    The contacts are anywhere within 9 mm at 2 to 8 N and are moved by `STEP`; the images come from
+    the elements. The tables are those of the half-space, as in the servo, and of the elements.
+    Also returns the cost of each table.
     """
     tactels = array()
     elements = FiniteElementDome(DOME, tactels, operator_for(DOME, SKIN, tactels))
@@ -78,7 +79,7 @@ def _tried(table: JacobianTable, shown, moves):
 
 
 def jacobians() -> list[dict]:
-    """Largest difference of the least-squares Jacobian from differences, over the pad."""
+    """Return the largest difference of the least-squares Jacobian from differences on the pad."""
     tactels, rows = array(), []
     increments = Increments(place=1e-4, force=0.01, stiffness=STIFFNESS)
     elements = FiniteElementDome(DOME, tactels, operator_for(DOME, SKIN, tactels))
@@ -97,16 +98,16 @@ def jacobians() -> list[dict]:
 
 
 def _differences(features, contact):
-    """Central differences of features (3,) by a contact: (3, 3)."""
+    """Return central differences (3, 3) of features (3,) by a contact."""
     return np.array([(features(contact + step) - features(contact - step)) / (2.0 * step.sum())
                      for step in np.diag([1e-4, 1e-4, 1e-2])]).T
 
 
 def elements() -> list[dict]:
-    """Time and memory to solve the skin, and the force that the array feels, by elements."""
+    """Return time and memory to solve the skin, and the force on the array, by elements."""
     rows = []
     for across in ACROSS:
-        # A process of its own: its largest memory is that of this one.
+        # Each case runs in a separate process, whose peak memory is measured.
         with ProcessPoolExecutor(1, mp_context=get_context('spawn')) as alone:
             rows.append(alone.submit(_solved, across).result())
     for row in rows:
@@ -134,7 +135,7 @@ def _solved(across):
 
 
 def cached_start() -> float:
-    """Processor time to take the solved skin from the disk [s]."""
+    """Return the processor time to load the solved skin from disk [s]."""
     tactels = array()
     operator_for(DOME, SKIN, tactels)
     begin = time.process_time()

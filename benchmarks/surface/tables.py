@@ -14,7 +14,7 @@ BAR_SPEEDS = (0.01, 0.05, 0.1)
 
 
 def everything(result):
-    """All tables as text: mm, N, %; the worst of all seeds."""
+    """Return all tables as text: mm, N, %; the worst of all seeds."""
     parts = ['Worst of all seeds; mm, N, % of the cycles. `fastest` is the speed reached.',
              *([] if result['quick'] else [_bars(result)])]
     for title, key, names in PARTS:
@@ -55,7 +55,7 @@ def everything(result):
 
 
 def _bars(result):
-    """What is asked for, what came of it in the worst of all seeds, and whether that holds."""
+    """Return the table of requirements with the worst results of all seeds, held or not."""
     runs = [row for row in result['speed_and_accuracy'] if row['control'] == 'predicted']
     bars = [row for row in runs if row['speed'] in BAR_SPEEDS]
     middle = [row for row in runs if row['speed'] == 0.05]
