@@ -1,4 +1,4 @@
-"""Conversions between the core's data and ROS messages, except those from bags."""
+"""Conversions between the core's data and ROS messages; bags are converted elsewhere."""
 from collections.abc import Iterable
 from typing import Any
 

@@ -156,7 +156,7 @@ def _straight_on(one: Piece, other: Piece) -> bool:
 
 
 def _plane(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return centre and axes (3, 3) of the best plane; a straight contour is seen from +z."""
+    """Return centre and axes (3, 3) of the best plane; for a straight contour, seen from +z."""
     centre = points.mean(axis=0)
     _, spread, axes = np.linalg.svd(points - centre, full_matrices=False)
     axes = axes.T

@@ -75,8 +75,8 @@ def curvature_covariance(kind: Kind, information: np.ndarray,
     """
     Return the covariance (2, 2) of the principal curvatures and their variances (2,).
 
-    The variances come from the data alone. Where the model fixes a curvature, the covariance also
-    contains the variance from the data alone.
+    The variances come from the data alone. The covariance also uses them for curvatures that the
+    model fixes.
     """
     covariance = np.linalg.inv(information)
     form, across = along(found.heading), along(found.heading + 0.5 * math.pi)

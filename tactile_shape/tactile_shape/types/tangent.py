@@ -27,7 +27,7 @@ class Principal(NamedTuple):
 
 
 def principal(k11: float, k12: float, k22: float) -> Principal:
-    """Return the eigenvalues of a symmetric 2 x 2 matrix, the larger first, and its angle."""
+    """Return the eigenvalues of a symmetric 2 x 2 matrix, larger first, and the first angle."""
     mean, half = 0.5 * (k11 + k22), 0.5 * (k11 - k22)
     radius = math.hypot(half, k12)
     return Principal(mean + radius, mean - radius, 0.5 * math.atan2(k12, half))
