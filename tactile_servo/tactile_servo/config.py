@@ -1,4 +1,4 @@
-"""Bounds of the supervisor; the gains are those of its servo law."""
+"""Configuration of the supervisor: bounds and times. Gains belong to its servo law."""
 
 from dataclasses import dataclass, field
 
@@ -11,14 +11,14 @@ SLOWEST = 1e-4  # m/s
 
 @dataclass(frozen=True)
 class SpeedBounds:
-    """What a goal may ask for."""
+    """Bounds of a goal's speed."""
 
     max: float = bounded(0.2, 'largest speed that a goal may ask for', 'm/s', 0.001, 2.0)
 
 
 @dataclass(frozen=True)
 class ForceBounds:
-    """What the pad may bear."""
+    """Bounds of the force on the pad."""
 
     max: float = bounded(10.0, 'largest force that a goal may ask for', 'N', 0.1, 1e3)
     max_load: float = bounded(12.0, 'the pad is lifted off above this force', 'N', 0.1, 1e4)
@@ -34,7 +34,7 @@ class ForceBounds:
 
 @dataclass(frozen=True)
 class ApproachConfig:
-    """Way to the object."""
+    """Approach to the object."""
 
     speed: float = bounded(
         0.01, 'speed along the normal towards the object, and away from it', 'm/s', 1e-4, 0.1)
@@ -44,14 +44,14 @@ class ApproachConfig:
 
 @dataclass(frozen=True)
 class RetreatConfig:
-    """Way back from the object."""
+    """Retreat from the object."""
 
     distance: float = bounded(0.01, 'how far the pad lifts off at the end', 'm', 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class InputConfig:
-    """How old an input may be."""
+    """Largest age of an input, and largest deviation from the commanded path."""
 
     stale_image: float = bounded(
         0.05, 'hold when no image came, or none showed what is tracked, for this long', 's', 0.002,
@@ -82,7 +82,7 @@ class HoldConfig:
 
 @dataclass(frozen=True)
 class ServoConfig:
-    """Bounds of the supervisor, whatever its law."""
+    """Configuration of the supervisor, the same for every law."""
 
     rate: float = bounded(400.0, 'control cycles per second', 'Hz', 10.0, 2000.0)
     speed: SpeedBounds = field(default_factory=SpeedBounds)
@@ -99,10 +99,10 @@ class ServoConfig:
 
 def check_goal(speed: float, force: float, config: ServoConfig) -> None:
     """
-    Check what every goal asks for: a speed [m/s] and a force [N].
+    Check the speed [m/s] and the force [N] of a goal.
 
-    ConfigurationError if it is beyond the servo's bounds; less force than tells a contact
-    (`approach.contact_force`) cannot be held.
+    ConfigurationError if one is outside the servo's bounds. The force must be at least
+    `approach.contact_force`: a smaller one cannot be detected and so cannot be controlled.
     """
     checked('speed', speed, float, {'range': (SLOWEST, config.speed.max), 'unit': 'm/s'})
     checked('force', force, float, {

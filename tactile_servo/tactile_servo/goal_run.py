@@ -1,4 +1,4 @@
-"""What happens from a goal to its end: when the pad approaches, tracks, holds, lifts off."""
+"""Runs one goal: decides when the pad approaches, tracks, holds and lifts off."""
 
 from collections.abc import Callable
 
@@ -32,11 +32,11 @@ from tactile_servo.state_times import StateTimes
 from tactile_servo.track_statistics import TrackStatistics
 from tactile_servo.types import State
 
-SOUND_FORCE = 0.5  # of the force, from which the depth of the pad is known to be sound
-SETTLE = 0.1  # s after the end of the last command, until the robot stands
-NEAR = 5.0  # times `following_distance`, within which a robot at rest is sent to where it stands
-BESIDE = 0.1  # largest share of images beside what is tracked, of a goal that was met
-SLIGHT = 0.1  # of it, by which that may move a robot which counts as standing
+SOUND_FORCE = 0.5  # share of the goal's force, at which `press_depth` starts to count anew
+SETTLE = 0.1  # s from the end of the last command until the robot is at rest
+NEAR = 5.0  # times `following_distance`: only a robot this near is sent to its measured position
+BESIDE = 0.1  # largest share of images beside the tracked feature for a success
+SLIGHT = 0.1  # times `following_distance`: a command by less than this counts as no motion
 LONGEST_PAUSE = 3600.0  # s
 
 
@@ -44,23 +44,23 @@ class GoalRun:
     """
     One goal, from its acceptance to its end.
 
-    `RULES`, below, is what happens: in every cycle the first of its rows that holds fires. In a
-    hold nothing is commanded, the last window ends at rest. Once the robot stands it is sent to
-    where it is measured, so that no older command can move it any more.
+    In every cycle the first row of `RULES`, below, whose guard gives a reason fires. When a hold
+    begins nothing more is commanded, and the last window ends at rest. Once the robot stands, it
+    is sent to its measured position, so that no older command can move it any more.
 
     Attributes
     ----------
     reference : Reference or None
-        The last one; None unless the law moves the pad.
+        Last wanted motion of the law; None unless the law moves the pad.
     observed : float
-        Steady time of what the law has observed last [s].
+        Steady time of the law's last observation [s].
     success : bool
-        Whether the goal was met.
+        Whether the goal was reached.
     """
 
     def __init__(self, goal: Goal, config: ServoConfig, law: ServoLaw, inputs: Inputs,
                  motion: Motion, machine: StateMachine):
-        assert inputs.sensor is not None  # or there would be no goal
+        assert inputs.sensor is not None  # otherwise the goal would have been refused
         array = inputs.sensor.array
         self.goal, self.statistics = goal, TrackStatistics(
             goal.force, law.near * max(array.pitch_x, array.pitch_y))
@@ -75,13 +75,13 @@ class GoalRun:
         self._paused, self._outcome = False, machine.reason
         self._tested = not config.self_test
         # Of this cycle: steady time and period [s], why the robot must stand still, what must be
-        # seen first, and what the law says.
+        # observed before a hold ends, and the assessment of the law.
         self._now, self._dt = -np.inf, 0.0
         self._why: Reason | None = None
         self._unseen: Reason | None = None
         self._found: Assessment | None = None
-        # The robot may move until then [s]; whether it was sent to where it stands; and how far
-        # that is to move it now [m], None if it is not to be sent there.
+        # Steady time until which the robot may move [s]; whether it was sent to its measured
+        # position; distance of that command if it is due now [m], else None.
         self._moving, self._stays = -np.inf, True
         self._stay: float | None = None
 
@@ -90,19 +90,19 @@ class GoalRun:
         self._machine.fire(Event.STOP, Reason(code), self._now)
 
     def pause(self, paused: bool) -> Reason | None:
-        """Hold (true) or go on (false); why that does not happen, or None."""
+        """Hold (true) or continue (false); return why that does not happen, or None."""
         self._paused, phase, wrong = paused, self._machine.phase, self._why
         if phase is Phase.STOPPING:
             return self._machine.reason
         if paused or phase not in HELD:
             return None
-        if wrong is not None and wrong.code is ReasonCode.PAUSED:  # it hid what else is wrong
+        if wrong is not None and wrong.code is ReasonCode.PAUSED:  # may hide another problem
             wrong = self._standstill(phase)
         self.hold.asked = wrong is None
         return wrong
 
     def count(self) -> None:
-        """Count the way since the last cycle."""
+        """Add the distance since the last cycle to the statistics."""
         phase, reference = self._machine.phase, self.reference
         braking = phase is Phase.SETTLING and self.hold.resumption is Event.TRACK_AGAIN
         if reference is not None and (phase in TRACKING or braking):
@@ -113,7 +113,11 @@ class GoalRun:
 
     def decide(self, now: float, dt: float, clock: CycleClock,
                around: Reason | None = None) -> None:
-        """Change the phase where there is reason to, in the time or around the servo as well."""
+        """
+        Fire the first rule whose guard gives a reason.
+
+        Faults of the clock, and problems `around` the servo, are reasons to hold.
+        """
         phase = self._machine.phase
         self._now, self._dt, self._found = now, dt, None
         self._why = clock.fault or (
@@ -128,20 +132,20 @@ class GoalRun:
                 return
 
     def _standstill(self, phase: Phase) -> Reason | None:
-        """Why the robot must stand still whatever is tracked, or None."""
+        """Return why the robot must stand still, whatever the law observes, or None."""
         if self._paused:
             return Reason(ReasonCode.PAUSED)
         inputs = self._inputs
         missing = inputs.joints_missing()
-        if missing is None and phase not in LIFTING:  # which needs no image
+        if missing is None and phase not in LIFTING:  # lifting off needs no image
             missing = inputs.contact_missing(self._law.sees_images)
         if missing is not None or inputs.joints is None or phase not in MOVING | LIFTING:
-            return missing  # in a hold nothing is commanded
+            return missing  # nothing is commanded that the robot could fail to follow
         return (inputs.astray(self._motion.positions)
                 or self._following.problem(inputs.pose, inputs.joints.arrival))
 
     def _lacking(self) -> Reason | None:
-        """What must be seen before a hold can end, or None."""
+        """Return what must be observed before a hold can end, or None."""
         hold = self.hold
         if hold.resumption is not Event.TRACK_AGAIN or hold.blind or self._came_off():
             return None
@@ -149,7 +153,7 @@ class GoalRun:
         return hold.cause if lacking and hold.of_law else lacking
 
     def _came_off(self) -> bool:
-        """Whether the stop has led off what bends away: to be touched again from there."""
+        """Return whether the pad lost contact while stopping and must approach again."""
         hold = self.hold
         return (hold.resumption is Event.TRACK_AGAIN and not hold.blind and not hold.of_law
                 and hold.cause.code is not ReasonCode.NOT_FOLLOWING and self._stays
@@ -158,18 +162,18 @@ class GoalRun:
                 and self._off() <= self._config.input.following_distance)
 
     def _off(self) -> float:
-        """How far the robot is from where its last window comes to rest, as in `apart` [m]."""
+        """Return the robot's distance from the end of its last window, as in `apart` [m]."""
         return apart(self._motion.rest_pose, self._inputs.pose,
                      ROTATION_LENGTH)
 
-    # Guards: the reason of an event that is due, or None.
+    # Guards: each returns the reason of an event that is due, or None.
 
     def _played_out(self) -> Reason | None:
-        """The last command is over."""
+        """Check whether the last command has ended."""
         return self._machine.reason if self._now >= self._moving + SETTLE else None
 
     def _stands(self) -> Reason | None:
-        """The last command is over, and it is known where that has led."""
+        """Check whether the last command has ended and the robot's position is known."""
         known = self._inputs.joints_fresh and self._dt > 0.0
         return self._machine.reason if self._stays else self._played_out() if known else None
 
@@ -181,7 +185,7 @@ class GoalRun:
         return Reason(ReasonCode.GAVE_UP, (hold.cause if well else self._machine.reason).text)
 
     def _unloads(self) -> Reason | None:
-        """It lasts, with the pad where it was pressed."""
+        """Check whether the hold lasts long while the pad is still pressed."""
         hold, limits, wrong = self.hold, self._config.hold, self._why
         bound = hold.bound or (wrong is not None and wrong.code in BINDING)
         pressed = hold.resumption is Event.TRACK_AGAIN and not bound
@@ -191,11 +195,11 @@ class GoalRun:
         return self._machine.reason if limits.lift and pressed and lasts and able else None
 
     def _unloaded(self) -> Reason | None:
-        """The pad has come off, or cannot."""
+        """Check whether the pad has lifted off, or cannot move."""
         return self._machine.reason if self._motion.blocked or self._lifted() else None
 
     def _binds(self) -> Reason | None:
-        """It goes on only when asked: by its cause, or since the robot is elsewhere."""
+        """Check whether the hold ends only when asked: by its cause, or as the robot was moved."""
         off = self._off()
         if off > self._config.input.following_distance:
             self.hold.stray(off)
@@ -226,7 +230,7 @@ class GoalRun:
         return Reason(ReasonCode.TIME_LIMIT, f'{self._times.longest(state):.0f} s')
 
     def _cannot_lift(self) -> Reason | None:
-        """What keeps the pad from lifting off, beside the outcome, which it does not change."""
+        """Return what prevents the pad from lifting off, appended to the unchanged outcome."""
         hindered, (code, detail) = self._blocked() or self._too_long(), self._machine.reason
         return hindered and Reason(code, '; '.join(filter(None, (detail, hindered.text))))
 
@@ -246,7 +250,7 @@ class GoalRun:
         return Reason(ReasonCode.CONTACT) if touches else None
 
     def _touches_untested(self) -> Reason | None:
-        # What presses too hard already is to be relieved first of all.
+        # A pad that already presses with the goal's force is relieved first, without a test.
         return None if self._tested or self._inputs.load >= self.goal.force else self._touches()
 
     def _fails_test(self) -> Reason | None:
@@ -279,7 +283,7 @@ class GoalRun:
             self._way.advance > deepest) else None
 
     def _law_says(self, state: State) -> Reason | None:
-        """The law goes over to a state, or is in it for another reason."""
+        """Check whether the law changes to a state, or gives another reason for it."""
         found, machine = self._assessed(), self._machine
         news = machine.phase.state is not state or machine.reason.code is not found.reason.code
         return found.reason if found.state is state and news else None
@@ -288,7 +292,7 @@ class GoalRun:
         return self._law_says(State.DONE) if self._assessed().lift else None
 
     def _assessed(self) -> Assessment:
-        """What the law says in this cycle."""
+        """Return the law's assessment of this cycle."""
         if self._found is None:
             inputs, law = self._inputs, self._law
             self._found = law.assess(self._now, self.statistics.length, inputs.load)
@@ -306,7 +310,7 @@ class GoalRun:
         return self._found
 
     def _objection(self) -> str:
-        """Why the end of a goal is no success, '' if it is one."""
+        """Return why the end of a goal is no success, '' if it is one."""
         beside, unfelt = self.statistics.beside, self._law.unfelt
         if beside > BESIDE:
             return f"but {100.0 * beside:.0f} % of the images saw it beside the pad's centre"
@@ -317,7 +321,7 @@ class GoalRun:
         return self._machine.reason if self._way.lifted and self._motion.standing else None
 
     def _fire(self, event: Event, reason: Reason, gap: float) -> None:
-        """Do what an event brings with it, and change the phase."""
+        """Perform the actions of an event and change the phase."""
         phase, hold, now = self._machine.phase, self.hold, self._now
         if event is Event.HOLD:
             if phase in MOVING:
@@ -326,7 +330,7 @@ class GoalRun:
                 hold.blind = phase is Phase.SEARCH and not hold.of_law
                 hold.bound = gap > self._config.hold.resume_within
                 self._moving = max(self._moving, now)
-            elif phase is Phase.UNLOADING and reason is not self._why:  # it is to be touched anew
+            elif phase is Phase.UNLOADING and reason is not self._why:  # the pad has lifted off
                 hold.resumption = Event.APPROACH_AGAIN
             joints, within = self._inputs.joints, self._config.hold.resume_within
             hold.worsen(reason, joints is None or now - joints.arrival > within)
@@ -352,7 +356,7 @@ class GoalRun:
         self._machine.fire(event, reason, now)
 
     def _ended(self, event: Event, reason: Reason) -> Event:
-        """Note the outcome; LIFT if that is asked for and possible, else STOP."""
+        """Record the outcome; return LIFT if that is asked for and possible, else STOP."""
         phase = self._machine.phase
         self._outcome, self.success = reason, self._found is not None and self._found.success
         asked = event is Event.LIFT or self.goal.retreat
@@ -365,24 +369,24 @@ class GoalRun:
         return Event.LIFT
 
     def _stand(self) -> None:
-        """Have the robot sent to where it stands."""
+        """Request a command to the position where the robot stands."""
         self._stays, off = True, self._off()
         following = self._config.input.following_distance
         if off > following:
             self.hold.stray(off)
         self._start_here()
-        # Not where it has come to be elsewhere: who brought it there has commanded it since.
+        # A robot that is farther off was moved by somebody else, who commands it now.
         self._stay = off if off <= NEAR * following else None
 
     def _start_here(self) -> None:
-        """Forget what was commanded: the robot is where it is measured, at rest."""
-        assert self._inputs.joints is not None  # or there would be a reason to hold
+        """Start from the measured position at rest; forget earlier commands."""
+        assert self._inputs.joints is not None  # a goal starts with a joint state
         self._motion.seed(self._inputs.joints.value)
         self._following.reset()
         self.reference = None
 
     def command(self, now: float, now_ns: int, dt: float, stamped: bool) -> MotionStep | None:
-        """Command the next piece of motion, of `dt` [s]; None if there is none."""
+        """Return the next step of motion, of `dt` [s]; None if nothing is to be commanded."""
         motion, phase = self._motion, self._machine.phase
         if phase in MOVING | LIFTING:
             trust = self._inputs.trust(now, touch=phase not in LIFTING)
@@ -400,7 +404,7 @@ class GoalRun:
         return step
 
     def twist(self, dt: float) -> np.ndarray:
-        """Wanted twist of the sensor in its own frame (6,) [m/s, rad/s]."""
+        """Compute the wanted twist (6,) of the sensor in its own frame [m/s, rad/s]."""
         c, phase = self._config, self._machine.phase
         if phase is Phase.APPROACH:
             return self._way.approach()
@@ -412,8 +416,8 @@ class GoalRun:
             self._inputs.pose, self._motion.pose, self._motion, dt)
         twist = self.reference.twist
         if self._inputs.saturated and self._inputs.load >= c.approach.contact_force:
-            # The force is larger than it seems, nobody knows by how much: give way, and go on no
-            # faster than that, for what rises may be why.
+            # The force is larger than measured by an unknown amount: lift. Move sideways no faster
+            # than that, because a rising surface may be the cause.
             twist[2] = min(twist[2], -c.approach.speed)
             twist[:2] *= min(-twist[2] / max(np.hypot(*twist[:2]), 1e-9), 1.0)
         return twist
@@ -425,7 +429,7 @@ _RETREAT = frozenset({Phase.RETREAT})
 _SETTLING, _WAITING = frozenset({Phase.SETTLING}), frozenset({Phase.WAITING})
 _UNLOADING = frozenset({Phase.UNLOADING})
 _STOPPING, _SEARCH = frozenset({Phase.STOPPING}), frozenset({Phase.SEARCH})
-# In these phases, if this guard has a reason, that event: the first row that holds.
+# Phases, guard, event: in each cycle the first row of the phase whose guard gives a reason fires.
 RULES: tuple[Rule, ...] = (
     (_STOPPING, GoalRun._played_out, Event.REST),
     (HELD, GoalRun._waited_long, Event.END),

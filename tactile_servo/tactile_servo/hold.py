@@ -1,11 +1,12 @@
-"""A hold: what it is about, and whether it may end by itself."""
+"""A hold: its cause, and whether it may end by itself."""
 
 from dataclasses import dataclass
 
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.state_machine import Event
 
-# What goes on only when asked: who caused it must know that the robot will move.
+# Causes after which the robot continues only when asked: whoever caused the hold must know that
+# the robot will move.
 BINDING = frozenset({ReasonCode.PAUSED, ReasonCode.NOT_FOLLOWING, ReasonCode.CONTROLLER_INACTIVE,
                      ReasonCode.SEVERAL_PUBLISHERS, ReasonCode.CLOCK_STOPPED})
 
@@ -13,33 +14,33 @@ BINDING = frozenset({ReasonCode.PAUSED, ReasonCode.NOT_FOLLOWING, ReasonCode.CON
 @dataclass
 class Hold:
     """
-    What a hold is about. Its phases are those of the state machine.
+    Cause of a hold, and conditions of its end. Its phases are those of the state machine.
 
-    A cause that binds stays the cause, whatever else goes wrong meanwhile.
+    A cause in BINDING remains the cause, even if other problems follow.
     """
 
-    resumption: Event  # what takes up again what it interrupted
+    resumption: Event  # continues what the hold interrupted
     cause: Reason
     began: float  # steady time [s]
-    blind: bool = False  # it interrupted a search, which need not see what is tracked
-    of_law: bool = False  # the law asked for it
+    blind: bool = False  # it interrupted a search, which needs no observation of the edge
+    of_law: bool = False  # the law requested it
     bound: bool = False  # it ends only when asked
-    asked: bool = False  # somebody asked
-    well_since: float | None = None  # steady time [s], None while something is wrong
+    asked: bool = False  # somebody has asked to continue
+    well_since: float | None = None  # steady time [s], None while there is a problem
 
     def worsen(self, why: Reason, elsewhere: bool) -> None:
-        """Take what is wrong, and whether the robot may have come to be elsewhere."""
+        """Process a problem, and whether the robot may have been moved (`elsewhere`)."""
         self.asked = False
         if not self.bound:
             self.cause, self.bound = why, elsewhere or why.code in BINDING
 
     def stray(self, off: float) -> None:
-        """Take that the robot stands off where it was sent [m]."""
+        """Bind the hold because the robot stands at a distance [m] from its commanded pose."""
         self.bound, self.cause = True, Reason(
             ReasonCode.NOT_FOLLOWING, f'it stands {1e3 * off:.1f} mm from where it was sent')
 
     def see(self, well: bool, now: float) -> None:
-        """Take whether all is well at a steady time [s]."""
+        """Update `well_since`: whether there is no problem at a steady time [s]."""
         if not well:
             self.well_since = None
         elif self.well_since is None:

@@ -1,4 +1,4 @@
-"""What a servo has heard last, and how fresh that is."""
+"""Newest inputs of a servo, and their freshness."""
 
 import math
 from typing import Any, NamedTuple
@@ -21,11 +21,11 @@ from tactile_servo.wrist import Wrist
 
 _SATURATED, _NOT_TARED = int(ContactReason.SATURATED), int(ContactReason.NOT_TARED)
 SAME_PITCH = 1e-3  # relative
-AGEING = 0.4  # of the time that an input may be silent, after which the pad slows down
+AGEING = 0.4  # share of the allowed age of an input above which the pad slows down
 
 
 class Sample(NamedTuple):
-    """Newest datum of a kind: value, its own stamp [ns] and steady time of arrival [s]."""
+    """Newest value of an input, with its stamp [ns] and steady time of arrival [s]."""
 
     value: Any
     stamp_ns: int
@@ -33,7 +33,7 @@ class Sample(NamedTuple):
 
 
 class InputRefused(TactileError):
-    """Something heard that cannot be used; `reason` says why."""
+    """An input that cannot be used; `reason` says why."""
 
     def __init__(self, reason: Reason):
         super().__init__(reason.text)
@@ -41,7 +41,7 @@ class InputRefused(TactileError):
 
 
 class Inputs:
-    """What a servo has heard last: joint state, image, contact, sensor."""
+    """Newest inputs of a servo: joint state, image, contact, description of the sensor."""
 
     def __init__(self, robot: RobotModel, limits: JointLimits, config: InputConfig):
         self._robot, self._config, self._names = robot, config, limits.names
@@ -52,15 +52,15 @@ class Inputs:
         self.pose = np.full((4, 4), np.nan)  # measured, of the sensor
         # Why the newest image or contact was refused; None if it was not.
         self.refused: Reason | None = None
-        # As of the last `refresh`; and whether the pad feels more than it can tell.
+        # Freshness at the last `refresh`; `saturated`: whether the newest contact is.
         self.contact_fresh = self.joints_fresh = self.saturated = self._wrist_missing = False
         self._tared = True
-        self.unbelieved = ''  # what is wrong with the newest joint state
-        self._felt = self._summed = 0.0  # force that the contact and the image tell of [N]
-        self._pictured, self._image_fresh = -math.inf, False  # steady time of the newest [s]
+        self.unbelieved = ''  # why the newest joint state was rejected
+        self._felt = self._summed = 0.0  # force by the newest contact, and by the image [N]
+        self._pictured, self._image_fresh = -math.inf, False  # arrival of the newest image [s]
 
     def see_joints(self, positions: np.ndarray, stamp_ns: int, arrival: float) -> None:
-        """Take a measured joint state; ValueError if it cannot be believed."""
+        """Process a measured joint state; ValueError if it is not plausible."""
         try:
             positions = self._history.add(positions, stamp_ns)
         except ValueError as error:
@@ -71,16 +71,16 @@ class Inputs:
         self.pose = self._robot.pose(positions)
 
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
-        """Take a contact estimate."""
+        """Process a contact estimate."""
         self.contact, self.refused = Sample(contact, stamp_ns, arrival), None
         fitted = contact.normal_force if contact.force_valid else 0.0
         self._felt = max(filter(math.isfinite, (fitted, contact.moments.m0)), default=0.0)
-        reasons = int(contact.reasons)  # a set of flags is slow to ask
+        reasons = int(contact.reasons)  # operations on a Flag are slow
         self.saturated = bool(reasons & _SATURATED)
         self._tared = not reasons & _NOT_TARED
 
     def see_image(self, image: TactileImage, arrival: float) -> None:
-        """Take an image for its load; InputRefused if it is not of the sensor that is known."""
+        """Compute the load of an image; InputRefused if frame or array differ from the sensor."""
         array, sensor = image.array, self.sensor
         if sensor is not None:
             known = sensor.array
@@ -98,31 +98,31 @@ class Inputs:
         self._pictured, self._summed = arrival, pressure * array.pitch_x * array.pitch_y
 
     def refuse(self, reason: Reason) -> None:
-        """Raise InputRefused, and remember why."""
+        """Store the reason of a refusal and raise InputRefused."""
         self.refused = reason
         raise InputRefused(reason)
 
     @property
     def load(self) -> float:
-        """Force on the pad [N], the largest of those fitted and summed."""
+        """Force on the pad [N]: the larger of the contact's force and the sum over the image."""
         return max(self._felt, self._summed)
 
     @property
     def largest_load(self) -> float:
-        """The largest force that pad or wrist tell of [N]."""
+        """Larger of the forces on the pad and at the wrist [N]."""
         return max(self.load, self.wrist.force)
 
     def age(self, stamp_ns: int) -> float:
-        """How much older than the newest joint state a stamp is [s]; inf if there is none."""
+        """Return the age of a stamp relative to the newest joint state [s]; inf without one."""
         return max(1e-9 * (self.joints.stamp_ns - stamp_ns), 0.0) if self.joints else math.inf
 
     def pose_at(self, stamp_ns: int) -> np.ndarray | None:
-        """Measured pose (4, 4) of the sensor at a stamp [ns]; None where it is not known."""
+        """Return the sensor's measured pose (4, 4) at a stamp [ns]; None if it is unknown."""
         positions = self._history.at(stamp_ns)
         return None if positions is None else self._robot.pose(positions)
 
     def refresh(self, now: float, now_ns: int) -> None:
-        """Judge anew what is fresh."""
+        """Update the freshness of all inputs, and compare pad and wrist."""
         self._image_fresh = now - self._pictured <= self._config.stale_image
         if not self._image_fresh:
             self._summed = 0.0
@@ -138,22 +138,23 @@ class Inputs:
 
     def trust(self, now: float, touch: bool) -> float:
         """
-        Share of the speed that the age of the joint state, and of the `touch`, leaves: 0 to 1.
+        Return the factor of the speed, 0 to 1, for the age of the joint state.
 
-        All of it for `AGEING` of the time that a silence may last, none at its end.
+        With `touch`, the age of the contact counts too. The factor is 1 up to `AGEING` times the
+        allowed age, and decreases to 0 at the allowed age.
         """
         share = _trust(self.joints, now, self._config.stale_joints)
         return min(share, _trust(self.contact, now, self._config.stale_image)) if touch else share
 
     def joints_missing(self) -> Reason | None:
-        """What is wrong with the joint states, or None."""
+        """Return what is wrong with the joint states, or None."""
         if self.joints_fresh:
             return None
         return Reason(ReasonCode.STALE_JOINT_STATE if self.joints else ReasonCode.NO_JOINT_STATE,
                       self.unbelieved)
 
     def contact_missing(self, images: bool) -> Reason | None:
-        """What is wrong with contacts, wrist, and with the images if they matter; or None."""
+        """Return what is wrong with contacts, wrist or (if they are needed) `images`, or None."""
         if not self.contact_fresh or self.contact is None:
             return self.refused or Reason(
                 ReasonCode.STALE_IMAGE if self.contact else ReasonCode.NO_IMAGE)
@@ -164,13 +165,13 @@ class Inputs:
         return Reason(ReasonCode.NO_WRENCH) if self._wrist_missing else None
 
     def astray(self, commanded: np.ndarray) -> Reason | None:
-        """Which joint is not where it was commanded (n,) [rad], or None."""
+        """Return which joint is far from its commanded position (n,) [rad], or None."""
         if self.joints is None:
             return None
         off = np.abs(commanded - self.joints.value)
-        if (off <= 0.15).all():  # rad: else it is far, whatever its way does to the sensor
+        if (off <= 0.15).all():  # rad; more is too far even if the sensor hardly moves by it
             return None
-        # The one that is farthest off, or of which nothing is known.
+        # The joint with the largest difference, or with NaN.
         return Reason(ReasonCode.NOT_FOLLOWING, self._names[int(np.argmax(off))])
 
 
@@ -184,7 +185,7 @@ def _told(array: TactelArray) -> str:
 
 
 def _alike(one: TactelArray, other: TactelArray) -> bool:
-    """Whether two arrays are one, but for the rounding of their pitches."""
+    """Return whether two arrays are equal, apart from rounding of their pitches."""
     return (one.shape == other.shape
             and abs(one.pitch_x - other.pitch_x) <= SAME_PITCH * other.pitch_x
             and abs(one.pitch_y - other.pitch_y) <= SAME_PITCH * other.pitch_y)

@@ -1,4 +1,4 @@
-"""What a servo law is to the supervisor, and what passes between them."""
+"""Interface between the supervisor and a servo law, and the data that they exchange."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,27 +14,27 @@ from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason
 from tactile_servo.types import State, TaskError
 
-Refusal = Reason  # of a code from 400 on, or of the input that is missing
+Refusal = Reason  # its code is 400 or above, or names the missing input
 
 
 @dataclass(eq=False)  # not frozen: two are made for every image
 class Observation:
-    """An image, or the contact estimated in one."""
+    """An image, or the contact estimated from one."""
 
     stamp_ns: int  # of the image
     arrival: float  # steady time [s]
-    age: float  # how much older than the newest joint state it was as it came [s]; inf if unknown
-    locate: Callable[[int], np.ndarray | None]  # measured pose of the sensor at a stamp [ns]
+    age: float  # relative to the newest joint state at its arrival [s]; inf if unknown
+    locate: Callable[[int], np.ndarray | None]  # gives the sensor's measured pose at a stamp [ns]
     image: TactileImage | None = None
     contact: Contact | None = None
 
     def pose(self) -> np.ndarray | None:
-        """Pose of the sensor (4, 4) at the stamp in the base frame; None if it is not known."""
+        """Return the sensor's pose (4, 4) in the base frame at the stamp; None if unknown."""
         return self.locate(self.stamp_ns)
 
 
 class Touch(NamedTuple):
-    """Where a surface was touched, in the base frame."""
+    """A contact with a surface, in the base frame."""
 
     stamp_ns: int  # of the image
     point: np.ndarray  # (3,) [m]
@@ -42,25 +42,25 @@ class Touch(NamedTuple):
 
 
 class Assessment(NamedTuple):
-    """What a law decides about the next cycle."""
+    """Decision of a law about the next cycle."""
 
     state: State  # one of TRACKING, or HOLD, or DONE to end the goal
     reason: Reason
-    success: bool = False  # of an end: whether the goal was met
-    lift: bool = False  # of an end: whether to lift off whatever the goal says
+    success: bool = False  # with DONE: whether the goal was reached
+    lift: bool = False  # with DONE: whether to lift off even if the goal asks for no retreat
 
 
 class Reference(NamedTuple):
-    """Wanted motion of the next cycle."""
+    """Wanted motion in the next cycle."""
 
     twist: np.ndarray  # (6,) of the sensor in its own frame [m/s, rad/s]
-    speed: float  # along what is tracked [m/s]
-    heading: Sequence[float]  # (3,) unit vector of travel in the base: progress counts along it
+    speed: float  # along the edge or path [m/s]
+    heading: Sequence[float]  # (3,) unit vector of travel, base frame; progress counts along it
 
 
 @dataclass(frozen=True, eq=False)
 class LawResult:
-    """What a law has learnt: whether the contour closed, and its points (N, 3) [m] if it maps."""
+    """Result of a law: whether the contour closed, and its points (N, 3) [m] if the law maps."""
 
     closed: bool = False
     contour: np.ndarray | None = None
@@ -68,10 +68,10 @@ class LawResult:
 
 class Goal(Protocol):
     """
-    What every goal has.
+    Properties that every goal has.
 
-    Speed [m/s], force [N], whether to lift off at the end, and how long its client may be silent
-    [s].
+    They are the speed [m/s], the force [N], whether to lift off at the end, and how long the
+    client may be silent [s].
     """
 
     @property
@@ -85,61 +85,65 @@ class Goal(Protocol):
 
 
 class ServoLaw(Protocol):
-    """How to follow something by touch; when to move at all is the supervisor's affair."""
+    """How to follow something by touch. The supervisor decides when to move at all."""
 
     name: ClassVar[str]
     goal_type: ClassVar[type]
     config_type: ClassVar[type]
-    sees_images: ClassVar[bool]  # whether images are observed beside contacts
-    near: ClassVar[float]  # tactels from the pad's centre, beyond which what is tracked is beside
+    sees_images: ClassVar[bool]  # whether it observes images in addition to contacts
+    near: ClassVar[float]  # lateral error [tactels] above which an image counts as beside
 
     @property
     def stiffness(self) -> float: ...  # total, of skin, finger and robot [N/m]
-    def depth(self, force: float) -> float: ...  # that a force [N] stands for, from any zero [m]
+    def depth(self, force: float) -> float: ...  # for a force [N], from an arbitrary zero [m]
     @property
-    def touch_speed(self) -> float: ...  # at which it presses a pad that feels nothing yet [m/s]
+    def touch_speed(self) -> float: ...  # largest speed of pressing before tracking [m/s]
     @property
-    def unfelt(self) -> float: ...  # by the pad's depth, force beyond what images tell [N]
+    def unfelt(self) -> float: ...  # force implied by the depth beyond the measured force [N]
     @property
-    def touch(self) -> Touch | None: ...  # of a law that maps a surface; else None
+    def touch(self) -> Touch | None: ...  # newest, if the law maps a surface; else None
     @property
-    def error(self) -> TaskError | None: ...  # as last observed, None before
+    def error(self) -> TaskError | None: ...  # last observed; None before the first observation
 
     def __init__(self, servo: ServoConfig, config: Any = None) -> None: ...
 
     def retune(self, config: Any) -> None:
-        """Take a configuration from now on in which `live` fields have changed, nothing else."""
+        """Use a new configuration from now on; only its `live` fields may differ."""
 
     def validate(self, goal: Any) -> Refusal | None:
-        """Why a goal is beyond this law, or None."""
+        """Return why this law cannot execute a goal, or None."""
 
     def begin(self, goal: Any, sensor: SensorInfo) -> None:
-        """Forget the last goal and take a new one."""
+        """Forget the last goal and start a new one."""
 
     def resume(self) -> None:
-        """Go on from a standstill, with what is known so far."""
+        """Continue from a standstill with the knowledge so far."""
 
     def observe(self, observation: Observation) -> None:
-        """Take an image or a contact; before the first goal only its age says something."""
+        """Process an image or a contact; before the first goal only its age is used."""
 
     def lacks(self, now: float) -> Reason | None:
-        """What keeps the law from tracking at steady time `now` [s], or None."""
+        """Return what prevents the law from tracking at steady time `now` [s], or None."""
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
-        """Decide whether to go on, after a way of `progress` [m] and at a load [N]."""
+        """Decide whether to continue, given the distance so far [m] and the load [N]."""
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
                   dt: float) -> Reference:
-        """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
+        """Compute the wanted motion from the sensor's measured and commanded poses (4, 4)."""
 
     def result(self) -> LawResult:
-        """What has been learnt."""
+        """Return the result of the goal so far."""
 
 
 @runtime_checkable
 class Teachable(Protocol):
-    """A law whose goals can ask for what it was shown."""
+    """A law that stores features of an image under a name, which goals can refer to."""
 
     def teach(self, name: str, image: TactileImage, array: TactelArray) -> str:
-        """Keep what an image shows by a name, and say what that is; else ConfigurationError."""
+        """
+        Store the features of an image under a name and return a description of them.
+
+        ConfigurationError if the image shows none, or the name is invalid.
+        """
         ...

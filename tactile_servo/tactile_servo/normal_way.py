@@ -1,4 +1,4 @@
-"""The pad's way along its own normal: to what is to be touched, into it, and off it."""
+"""Motion of the pad along its normal: approach, press and retreat."""
 
 import numpy as np
 
@@ -14,10 +14,10 @@ from tactile_servo.state_times import approach_speed
 
 class NormalWay:
     """
-    How far the commanded pad has come along its normal, and how fast it may go on.
+    Measures how far the commanded pad has moved along its normal, and sets its speed there.
 
-    What was touched before is sought where it was: a sensor that has gone blind meanwhile
-    presses no harder.
+    Once the pad has touched, a later approach searches only near the last touch, so that a sensor
+    that has failed in the meantime does not press harder.
     """
 
     def __init__(self, config: ServoConfig, goal: Goal, law: ServoLaw, inputs: Inputs,
@@ -29,23 +29,23 @@ class NormalWay:
         self.begin()
 
     def begin(self) -> None:
-        """Count from where the pad is commanded now."""
+        """Measure the advance from the pose that is commanded now."""
         self._anchor = self._motion.pose
 
     def lift(self) -> None:
-        """Lift off from here: to where the approach began, if it has not touched anything."""
+        """Begin to lift off; without a touch so far, at least to the start of the approach."""
         if not self._touched:
             self._lift = max(self._lift, self.advance)
         self.begin()
 
     def touch(self) -> None:
-        """Count from here: what is to be tracked has been met."""
+        """Record a touch, and measure the advance from here."""
         self._touched = True
         self.begin()
 
     @property
     def advance(self) -> float:
-        """How far the commanded sensor stands beyond where its way began [m]."""
+        """Distance of the commanded sensor from its start, along the normal [m]."""
         return self._beyond(self._motion.pose)
 
     def _beyond(self, pose: np.ndarray) -> float:
@@ -54,26 +54,26 @@ class NormalWay:
 
     @property
     def farthest(self) -> float:
-        """Advance at which an approach has met nothing [m]."""
+        """Advance at which an approach without contact gives up [m]."""
         return self._unseen_way() if self._touched else self._config.approach.distance
 
     @property
     def lifted(self) -> bool:
-        """Whether the pad has come off."""
+        """Whether the pad has lifted off."""
         return -self.advance >= self._lift
 
     def approach(self) -> np.ndarray:
-        """Twist of the pad (6,) towards what is to be touched [m/s, rad/s]."""
+        """Compute the twist of the pad (6,) towards the object [m/s, rad/s]."""
         speed = self._careful_speed() if self._inputs.load < self._goal.force else 0.0
         return np.array([0.0, 0.0, speed, 0.0, 0.0, 0.0])
 
     def begin_test(self) -> None:
-        """What was touched is to be pressed and released, before anything else."""
+        """Record a touch and begin the press test of the sensor."""
         self.touch()
         self._test = PressTest(self._goal.force, self._inputs.load, self._law.depth)
 
     def test(self, dt: float) -> np.ndarray:
-        """Twist of the pad (6,) in that test, for a cycle of `dt` [s]."""
+        """Compute the twist of the pad (6,) in the press test, for a cycle of `dt` [s]."""
         assert self._test is not None and self._inputs.contact is not None
         stamp = self._inputs.contact.stamp_ns
         pose = self._inputs.pose_at(stamp)
@@ -83,7 +83,7 @@ class NormalWay:
         return np.array([0.0, 0.0, speed, 0.0, 0.0, 0.0])
 
     def test_problem(self) -> str:
-        """Why the sensor has failed the test, '' if it has not."""
+        """Return why the sensor has failed the test, '' if it has not."""
         assert self._test is not None
         if not self._test.pressed and self.advance > self._test.deepest + self._unseen_way():
             return f'{1e3 * self.advance:.1f} mm deeper, {self._inputs.load:.1f} N are felt'
@@ -96,10 +96,10 @@ class NormalWay:
 
     def retreat(self, dt: float) -> np.ndarray:
         """
-        Twist of the pad (6,) off what it touches, for a cycle of `dt` [s] [m/s, rad/s].
+        Compute the twist of the pad (6,) off the object [m/s, rad/s], for a cycle of `dt` [s].
 
-        What it still does otherwise slows down: joints that are to stop all motion at once bring
-        the normal to rest no sooner than the rest.
+        Motion in the other directions slows down gradually. If all motion had to stop at once,
+        the joint limits would delay the motion along the normal as well.
         """
         twist = self._motion.twist
         beside = np.hypot(twist[0], twist[1])
@@ -108,12 +108,12 @@ class NormalWay:
         return twist
 
     def _careful_speed(self) -> float:
-        """Speed at which the pad may press what has been touched, or not yet [m/s]."""
+        """Return the speed at which the pad may approach or press in the test [m/s]."""
         return min(approach_speed(self._config, self._goal.force), self._law.touch_speed,
                    self._sighted_speed())
 
     def _sighted_speed(self) -> float:
-        """Speed at which the force cannot grow much on a way that no image has shown [m/s]."""
+        """Return the speed at which the force cannot grow much before an image shows it [m/s]."""
         way, contact = self._unseen_way(), self._inputs.contact
         seen = None if contact is None else self._inputs.pose_at(contact.stamp_ns)
         if seen is None:

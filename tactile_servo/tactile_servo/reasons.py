@@ -1,4 +1,4 @@
-"""Why a servo is in its state, why a goal ended or was refused: codes, and their one text each."""
+"""Reasons of a servo's state, of the end of a goal and of its refusal: codes with texts."""
 
 from enum import IntEnum
 from typing import NamedTuple
@@ -12,7 +12,7 @@ class ReasonCode(IntEnum):
     text: str
 
     def __new__(cls, value: int, text: str) -> 'ReasonCode':
-        """Make a member of its number and text."""
+        """Create a member from its number and text."""
         member = int.__new__(cls, value)
         member._value_, member.text = value, text
         return member
@@ -73,14 +73,14 @@ class ReasonCode(IntEnum):
 
 
 class Reason(NamedTuple):
-    """A code, and the particulars of this case in words."""
+    """A code, and the details of this case in words."""
 
     code: ReasonCode
     detail: str = ''
 
     @property
     def text(self) -> str:
-        """For people: what the code means, and the particulars."""
+        """Text for people: the meaning of the code, and the details."""
         return f'{self.code.text}: {self.detail}' if self.detail else self.code.text
 
 

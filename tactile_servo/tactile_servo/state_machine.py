@@ -1,4 +1,4 @@
-"""The phases of a servo and every change between them that there is."""
+"""Phases of a servo, and all transitions between them."""
 
 from enum import auto, Enum
 
@@ -8,51 +8,51 @@ from tactile_servo.types import State
 
 
 class Phase(Enum):
-    """What a servo does. A hold has three phases, and the end of a goal is a hold as well."""
+    """Activity of a servo. A hold has four phases; STOPPING also counts as the state HOLD."""
 
     IDLE = auto()
     APPROACH = auto()
-    TEST = auto()  # approach: the pad has touched, and is pressed and released once
+    TEST = auto()  # approach: after the touch, the pad presses and releases once
     TRACK = auto()
     CORNER = auto()
     SEARCH = auto()
     RETREAT = auto()
-    SETTLING = auto()  # hold: the last command is played out
-    WAITING = auto()  # hold: the robot stands, and goes on by itself if all is well soon
-    ASKED = auto()  # hold: the robot stands, and goes on only when asked
-    UNLOADING = auto()  # hold: the pad lifts off, to wait there
-    STOPPING = auto()  # the goal ends where the pad is: the last command is played out
+    SETTLING = auto()  # hold: the robot executes its last command
+    WAITING = auto()  # hold: the robot stands, and continues by itself if the cause ends soon
+    ASKED = auto()  # hold: the robot stands, and continues only when asked
+    UNLOADING = auto()  # hold: the pad lifts off and then waits
+    STOPPING = auto()  # the goal ends where the pad is; the robot executes its last command
     DONE = auto()
 
     @property
     def state(self) -> State:
-        """State that messages tell."""
+        """State that is published."""
         return _STATES[self]
 
 
 class Event(Enum):
-    """What changes the phase of a servo, or the reason of it."""
+    """Event that changes the phase of a servo, or only its reason."""
 
     START = auto()  # a goal is accepted
-    TEST = auto()  # the approach has touched, and the sensor is to be tested
-    TOUCH = auto()  # what is to be tracked has been met
-    TRACK = auto()  # the law tracks,
-    CORNER = auto()  # is at a corner,
-    SEARCH = auto()  # or searches
-    HOLD = auto()  # something is wrong
+    TEST = auto()  # the pad has touched, and the sensor is to be tested
+    TOUCH = auto()  # the pad touches what it is to track
+    TRACK = auto()  # the law tracks
+    CORNER = auto()  # the law is at a corner
+    SEARCH = auto()  # the law searches
+    HOLD = auto()  # there is a problem; or unloading has ended
     STAND = auto()  # the robot stands
-    BIND = auto()  # who caused the hold must know that the robot will move
-    UNLOAD = auto()  # the hold lasts: lift the pad off meanwhile
-    RESUME = auto()  # go on, with one of the next three
+    BIND = auto()  # from now on the hold ends only when asked
+    UNLOAD = auto()  # the hold lasts long: lift the pad off during it
+    RESUME = auto()  # continue, with one of the next three events
     APPROACH_AGAIN = auto()
     TRACK_AGAIN = auto()
     RETREAT_AGAIN = auto()
-    END = auto()  # the goal ends: LIFT where it asks for that, else STOP
-    LIFT = auto()  # the goal ends: lift off where that is possible, else STOP
+    END = auto()  # the goal ends: LIFT if the goal asks for it, else STOP
+    LIFT = auto()  # the goal ends: lift off if that is possible, else STOP
     STOP = auto()  # the goal ends where the pad is
     REST = auto()  # the robot stands at the end of a goal
-    FINISH = auto()  # the result has been taken
-    REPORT = auto()  # only the reason is another
+    FINISH = auto()  # the result has been read
+    REPORT = auto()  # only the reason changes
 
 
 HELD = frozenset({Phase.SETTLING, Phase.WAITING, Phase.ASKED, Phase.UNLOADING})
@@ -61,7 +61,7 @@ TRACKING = frozenset({Phase.TRACK, Phase.CORNER, Phase.SEARCH})  # the law moves
 APPROACHING = frozenset({Phase.APPROACH, Phase.TEST})
 TOUCHING = TRACKING | APPROACHING
 MOVING = TOUCHING | {Phase.RETREAT}
-LIFTING = frozenset({Phase.RETREAT, Phase.UNLOADING})  # off what is touched, by the pose alone
+LIFTING = frozenset({Phase.RETREAT, Phase.UNLOADING})  # these need only the pose, no image
 _STATES = {phase: State.HOLD if phase in HELD | {Phase.STOPPING} else
            State.APPROACH if phase is Phase.TEST else State[phase.name] for phase in Phase}
 
@@ -87,18 +87,18 @@ TRANSITIONS: dict[Phase, dict[Event, Phase]] = {
     Phase.STOPPING: {Event.STOP: Phase.STOPPING, Event.REST: Phase.DONE},
     Phase.DONE: {Event.FINISH: Phase.IDLE},
 }
-# What takes up again what a hold interrupted; the law says anew whether it is at a corner.
+# Event that continues the phase which a hold interrupted; the law detects a corner again.
 RESUMPTION = {Phase.APPROACH: Event.APPROACH_AGAIN, Phase.TEST: Event.APPROACH_AGAIN,
               Phase.TRACK: Event.TRACK_AGAIN, Phase.CORNER: Event.TRACK_AGAIN,
               Phase.SEARCH: Event.TRACK_AGAIN, Phase.RETREAT: Event.RETREAT_AGAIN}
 
 
 class IllegalTransition(TactileError):
-    """An event that a phase does not know: a fault of the program, not of its input."""
+    """An event that is not allowed in the phase: a bug of the program, not a bad input."""
 
 
 class StateMachine:
-    """Phase of a servo, the reason of it, and since when (steady time [s])."""
+    """Phase of a servo, its reason, and the steady time of the last change of phase [s]."""
 
     def __init__(self) -> None:
         self.phase, self.reason = Phase.IDLE, Reason(ReasonCode.WAITING)
@@ -106,11 +106,11 @@ class StateMachine:
 
     @property
     def active(self) -> bool:
-        """Whether a goal is being worked on."""
+        """Whether a goal is active."""
         return self.phase not in (Phase.IDLE, Phase.DONE)
 
     def fire(self, event: Event, reason: Reason, now: float) -> None:
-        """Change the phase by the table; IllegalTransition if it knows no such event."""
+        """Change the phase by TRANSITIONS; IllegalTransition if the event is not allowed."""
         following = TRANSITIONS[self.phase].get(event)
         if following is None:
             raise IllegalTransition(f'{event.name} while {self.phase.name}')

@@ -1,9 +1,9 @@
 """
-When a servo moves: the contact state machine around a servo law (chapter 5).
+Supervisor of a servo law: the contact state machine that decides when to move (chapter 5).
 
-`idle -> approach -> track -> retreat -> done`, and from anywhere `hold` with its reason. The
-supervisor reads no clock, stamps and steady times come in with the data; and it does not know
-what is tracked, that is its law's affair.
+The states are `idle -> approach -> track -> retreat -> done`; every moving state can change to
+`hold`, with a reason. The supervisor reads no clock: stamps and steady times are arguments. Only
+the law knows what is tracked.
 """
 
 from typing import Any
@@ -30,16 +30,16 @@ from tactile_servo.state_machine import Event, HELD, Phase, StateMachine, TOUCHI
 from tactile_servo.track_statistics import along_contour, TrackStatistics
 from tactile_servo.types import NAN, State, Status
 
-LONGEST_SILENCE = 3600.0  # s of a client, that a goal may allow
+LONGEST_SILENCE = 3600.0  # s, largest `client_timeout` of a goal
 
 
 class Supervisor:
     """
-    Drive a robot along something by touch.
+    Moves a robot along an edge or a surface by touch.
 
-    Feed it with `see_sensor`, `see_joints`, `see_contact` and, if its law `sees_images`,
-    `see_image`; start it with `start`, call `cycle` at the control rate and send what it
-    returns.
+    Pass inputs to `see_sensor`, `see_joints`, `see_contact` and, if its law `sees_images`,
+    `see_image`. Start a goal with `start`, call `cycle` at the control rate, and send the
+    trajectory that it returns.
     """
 
     def __init__(self, robot: RobotModel, limits: JointLimits, law: ServoLaw,
@@ -48,45 +48,46 @@ class Supervisor:
         self.inputs = Inputs(robot, limits, self.config.input)
         self.motion = Motion(robot, limits, self.config.motion,
                              1.0 / self.config.rate, workspace)
-        self.run: GoalRun | None = None  # of the goal that is worked on, or of the last one
+        self.run: GoalRun | None = None  # the active goal, or the last one
         self._machine = StateMachine()
         self._clock = CycleClock(1.0 / self.config.rate)
         self._robot_clock = ClockCheck()
         self._image: TactileImage | None = None  # the newest
-        self._silence = 0.0  # of the goal's client [s]
-        self.around: Reason | None = None  # what is wrong around the servo, that no datum tells
+        self._silence = 0.0  # time since the last heartbeat of the goal's client [s]
+        self.around: Reason | None = None  # problem outside the servo, set by its owner
 
     def see_sensor(self, sensor: SensorInfo) -> None:
-        """Take what is known of the sensor; a goal begins with it."""
+        """Store the description of the sensor, which goals use that start later."""
         self.inputs.sensor = sensor
 
     def see_joints(self, positions: np.ndarray, stamp_ns: int, arrival: float) -> None:
         """
-        Take a measured joint state (n,) [rad], its stamp [ns] and steady arrival time [s].
+        Process a measured joint state (n,) [rad] with its stamp [ns] and steady arrival time [s].
 
-        ValueError if it cannot be believed, see `JointHistory.add`.
+        ValueError if it is not plausible, see `JointHistory.add`.
         """
         self.inputs.see_joints(positions, stamp_ns, arrival)
 
     def see_reference(self, positions: np.ndarray, stamp_ns: int) -> None:
-        """Take what the robot's controller commands (n,) [rad] for a time [ns], if it tells."""
+        """Process the positions (n,) [rad] that the robot's controller commands at a time [ns]."""
         self.motion.delay.see(positions, stamp_ns)
 
     def see_wrench(self, force: np.ndarray, arrival: float) -> None:
-        """Take a force (3,) at the wrist [N] and its steady arrival time [s], if it has one."""
+        """Process a force (3,) at the wrist [N] with its steady arrival time [s]."""
         pressed = self.active or self.inputs.load >= self.config.approach.contact_force
         self.inputs.wrist.see(force, arrival, not pressed)
 
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
-        """Take a contact estimate, its image's stamp [ns] and steady arrival time [s]."""
+        """Process a contact estimate, its image's stamp [ns] and its steady arrival time [s]."""
         self.inputs.see_contact(contact, stamp_ns, arrival)
         self._tell(stamp_ns, arrival, contact=contact)
 
     def see_image(self, image: TactileImage, arrival: float) -> None:
         """
-        Take an image and its steady arrival time [s], for its load and for a law that sees them.
+        Process an image with its steady arrival time [s].
 
-        InputRefused if it is not of the sensor that is known.
+        The supervisor uses its load; a law that `sees_images` observes it. InputRefused if its
+        frame or array is not that of the known sensor.
         """
         self.inputs.see_image(image, arrival)
         loaded = self.inputs.load >= self.config.approach.contact_force
@@ -109,26 +110,26 @@ class Supervisor:
 
     @property
     def reason(self) -> Reason:
-        """Why it is in that state."""
+        """Reason of the state."""
         return self._machine.reason
 
     @property
     def active(self) -> bool:
-        """Whether a goal is being worked on."""
+        """Whether a goal is active."""
         return self._machine.active
 
     @property
     def success(self) -> bool:
-        """Whether the last goal was met."""
+        """Whether the last goal was reached."""
         return self.run is not None and self.run.success
 
     @property
     def statistics(self) -> TrackStatistics:
-        """What the last goal has achieved so far."""
+        """Statistics of the active goal or the last one."""
         return TrackStatistics(NAN) if self.run is None else self.run.statistics
 
     def check(self, goal: Any) -> Refusal | None:
-        """Why a goal cannot be accepted now, or None if it can."""
+        """Return why a goal cannot be accepted now, or None."""
         if self.state != State.IDLE:
             return Refusal(ReasonCode.BUSY, 'cancel it first')
         try:
@@ -146,16 +147,16 @@ class Supervisor:
         lacking = self.inputs.contact_missing(images=False)
         if refused is not None or lacking is None or lacking.code is not ReasonCode.NOT_TARED:
             return refused
-        # Of a sensor that was tared just now, the next contact will say so.
+        # If `sensor_info` says that the sensor is tared, the next contact will say so too.
         return None if self.inputs.sensor and self.inputs.sensor.tared_at_ns else lacking
 
     def note(self, refusal: Refusal) -> None:
-        """Put a refusal into the status of an idle servo: it has no other answer."""
-        if self.state is State.IDLE:  # the reason of one that is done belongs to its result
+        """Show a refusal in the status of an idle servo: the action returns no reason for it."""
+        if self.state is State.IDLE:  # in DONE the reason belongs to the result
             self._machine.fire(Event.REPORT, refusal, self._machine.since)
 
     def start(self, goal: Any, now: float) -> None:
-        """Begin a goal at steady time `now` [s]; GoalRefused if it cannot be accepted."""
+        """Start a goal at steady time `now` [s]; GoalRefused if it cannot be accepted."""
         refusal, inputs = self.check(goal), self.inputs
         if refusal is not None or inputs.sensor is None or inputs.joints is None:
             raise GoalRefused(refusal or Refusal(ReasonCode.BUSY))
@@ -167,12 +168,12 @@ class Supervisor:
         self._machine.fire(Event.START, Reason(ReasonCode.GOAL_ACCEPTED), now)
 
     def hear_client(self) -> None:
-        """Take that the client of the goal lives; the goal's `client_timeout` begins anew."""
+        """Process a heartbeat of the goal's client: its `client_timeout` starts again."""
         self._silence = 0.0
 
     def _end_without_client(self, goal: Goal) -> None:
-        """End a goal whose client is silent, unless the pad lifts off already."""
-        # A servo that does not come to run cannot hear its client either.
+        """End a goal whose client is silent, unless the goal is already ending."""
+        # A long gap between cycles is no silence: without processor time the servo hears nobody.
         self._silence += min(self._clock.gap, STALL)
         lost = 0.0 < goal.client_timeout < self._silence
         if lost and self._machine.phase in TOUCHING | HELD:
@@ -184,7 +185,7 @@ class Supervisor:
             self.run.cancel(code)
 
     def pause(self, paused: bool, now: float) -> Reason:
-        """Hold (true) or go on (false): PAUSED, RESUMED, or why that does not happen."""
+        """Hold (true) or continue (false); return PAUSED, RESUMED, or why neither happens."""
         if self.run is None or not self.active:
             return Reason(ReasonCode.WAITING)
         return self.run.pause(paused) or Reason(
@@ -192,9 +193,9 @@ class Supervisor:
 
     def teach(self, name: str) -> str:
         """
-        Have a `Teachable` law keep what the newest image shows by a name; returns what that is.
+        Make a `Teachable` law store the features of the newest image; return their description.
 
-        ConfigurationError if there is nothing to keep, or the name is none.
+        ConfigurationError if the image is missing or shows no features, or the name is invalid.
         """
         assert isinstance(self.law, Teachable)
         lacking, sensor = self.inputs.contact_missing(images=True), self.inputs.sensor
@@ -203,25 +204,26 @@ class Supervisor:
         return self.law.teach(name, self._image, sensor.array)
 
     def result(self) -> LawResult:
-        """What the law has learnt."""
+        """Return the result of the law."""
         return self.law.result()
 
     def contour(self) -> list[tuple[int, np.ndarray]]:
-        """Stamps [ns] and poses (4, 4) of the sensor along what was tracked, in the base frame."""
+        """Return stamps [ns] and sensor poses (4, 4) on the tracked contour, in the base frame."""
         visited = self.run.statistics.contour if self.run else []
         nodes = self.law.result().contour
         return visited if nodes is None else along_contour(nodes, visited)
 
     def finish(self) -> None:
-        """Go from done to idle, once the result has been taken."""
+        """Change from DONE to IDLE after the result has been read."""
         self._machine.fire(Event.FINISH, Reason(ReasonCode.WAITING, f'last: {self.reason.text}'),
                            self._machine.since)
 
     def cycle(self, now: float, now_ns: int) -> tuple[Status, Trajectory | None]:
         """
-        Decide one control cycle at a steady time [s] and one of the clock of the stamps [ns].
+        Run one control cycle at a steady time [s] and at a time of the stamps' clock [ns].
 
-        The trajectory is for the joint trajectory controller; None while nothing is to move.
+        Returns the status and a trajectory for the joint trajectory controller, or None if no
+        motion is to be commanded.
         """
         dt = self._clock.tick(now, now_ns)
         self.inputs.refresh(now, now_ns)
