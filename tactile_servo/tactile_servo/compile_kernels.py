@@ -1,4 +1,4 @@
-"""Compiling the kernels of this package: by the build, and by the node before it begins."""
+"""Compilation of this package's kernels, during the build and when the node starts."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from tactile_servo.types import EdgeGoal
 
 ARRAY, DEPTH, NOISE = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002, 600.0  # m, m, Pa
 LOAD, FORCE = 200.0, 5.0  # N/m, N
-# m; a contour of three sides, tracked once round and on past a gap and an end
+# m; a contour with three sides, tracked one lap and further, with a gap and an end
 PATH = np.array([(0.0, 0.0), (0.0, 0.05), (0.04, 0.025), (0.0, 0.0), (0.0, 0.04)])
 GAPS = ((0.02, 0.026),)  # stations [m]
 STRIDE = 1.0e-3  # m between images
@@ -36,11 +36,11 @@ ROBOT = """<robot name="two_joints"><link name="base"/>
 
 
 def compile_kernels() -> None:
-    """Compile what is not in numba's cache yet: of the robot's motion, and of the edge map."""
+    """Compile the kernels of motion and edge map that are not yet in numba's cache."""
     model = RobotModel.from_urdf(ROBOT, 'tip')
     limits = JointLimits(tuple(model.joint_names), model.lower, model.upper,
                          model.velocity_limit, np.ones(2))
-    half_spaces(Skin(DEPTH, 2.0 * DEPTH))  # no kernel, but slow where it is called first
+    half_spaces(Skin(DEPTH, 2.0 * DEPTH))  # no kernel, but its first call is slow
     motion = Motion(model, limits, MotionConfig(), 0.0025, WorkspaceBox(-np.ones(3), np.ones(3)))
     motion.seed(np.zeros(2))
     motion.command(np.full(6, 0.01), 0)
@@ -60,7 +60,7 @@ def compile_kernels() -> None:
 
 
 def _follow_an_edge(motion: Motion) -> None:
-    """Lead a law along an edge with corners, a gap and an end that closes, by images of it."""
+    """Pass a law images of a closed edge with corners and a gap."""
     law, goal = EdgeFollowing(ServoConfig()), EdgeGoal(0.1, FORCE, closed=True)
     law.begin(goal, Calibration(ARRAY, depth=DEPTH).sensor_info('pad', '', 0))
     stations = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(PATH, axis=0), axis=1)))
@@ -69,7 +69,7 @@ def _follow_an_edge(motion: Motion) -> None:
         pose = pose.copy()
         pose[:2, 3] = [np.interp(station, stations, axis) for axis in PATH.T]
         now = STRIDE / goal.speed * count
-        # In the end so much noise that the images are smoothed.
+        # At the end, so much noise that the images are smoothed.
         noise = NOISE if station < stations[-1] else 10.0 * NOISE
         layer = _layer(pose[:2, 3], stations, noise * rng.standard_normal(ARRAY.shape), noise)
         image = TactileImage(count, count, (layer,), ARRAY, True)
@@ -78,11 +78,11 @@ def _follow_an_edge(motion: Motion) -> None:
         if law.lacks(now) is None:
             law.assess(now, station, FORCE)
             law.reference(pose, pose, motion, 0.0025)
-    _ = law.sight.edge.picture.pull  # of a search; computed where it is asked for
+    _ = law.sight.edge.picture.pull  # used by a search, and computed only on access
 
 
 def _layer(place: np.ndarray, stations: np.ndarray, pressure: np.ndarray, noise: float) -> Layer:
-    """What the array feels of the edge at a place (2,), added to a pressure."""
+    """Add the pressure of the edge on the array at a position (2,) to a pressure."""
     cuts = np.union1d(stations, np.ravel(GAPS))
     corners = np.column_stack([np.interp(cuts, stations, axis) for axis in PATH.T]) - place
     for begin, first, last in zip(cuts, corners, corners[1:], strict=False):

@@ -1,8 +1,8 @@
 """
-Messages of the servo and the robot to and from core types.
+Conversions between messages of the servo and the robot, and core types.
 
-What is published at the control rate can be filled `into` a message of the caller's: to build
-one takes several times as long, and what has been published is free again.
+Functions for messages at the control rate can fill an existing message, `into`. This is several
+times faster than creating one, and a message can be reused once it has been published.
 """
 
 from array import array
@@ -42,9 +42,9 @@ _NUMBERS = ('lateral_error', 'longitudinal_error', 'angle_error', 'normal_force'
 
 def trajectory_to_bytes(trajectory: Trajectory) -> bytes:
     """
-    Bytes of the JointTrajectory message of a Trajectory.
+    Serialize a Trajectory as a JointTrajectory message.
 
-    Sooner than by way of the message: `benchmarks/latency/shortcuts.py`.
+    This is faster than the serialization of a message object: `benchmarks/latency/shortcuts.py`.
     """
     names, times = trajectory.joint_names, trajectory.times.tolist()
     fields = [getattr(trajectory, name) for name in _FIELDS]
@@ -64,7 +64,11 @@ def trajectory_to_bytes(trajectory: Trajectory) -> bytes:
 
 @lru_cache(maxsize=16)
 def _layout(names: tuple[str, ...], points: int, given: tuple[bool, ...]) -> tuple[Any, list]:
-    """Layout of a JointTrajectory with an empty frame, and its values up to the first point."""
+    """
+    Return the layout of a JointTrajectory, and its values before the first point.
+
+    Its frame is empty. `given` says which of _FIELDS the points contain.
+    """
     texts = [f'{name}\0'.encode() for name in ('', *names)]
     sized = [part for text in texts for part in (len(text), text)]
     codes = [code for text in texts for code in ('I', f'{len(text)}s')]
@@ -75,11 +79,11 @@ def _layout(names: tuple[str, ...], points: int, given: tuple[bool, ...]) -> tup
 
 def trajectory_from_msg(message: JointTrajectory) -> Trajectory:
     """
-    Trajectory of a JointTrajectory message.
+    Convert a JointTrajectory message to a Trajectory.
 
-    Rejected where none holds it: a field's length is not that of the joint names, positions are
-    missing, there are efforts, or a field is given for some points only (which a
-    joint_trajectory_controller takes, but nobody means).
+    Rejected if a field's length is not the number of joint names, positions are missing, efforts
+    are given, or only some points have a field (a joint_trajectory_controller accepts this, but
+    it is certainly a mistake).
     """
     names = tuple(message.joint_names)
     for k, point in enumerate(message.points):
@@ -105,7 +109,7 @@ def trajectory_from_msg(message: JointTrajectory) -> Trajectory:
 
 def joint_state_to_msg(stamp: Time, joint_names: Sequence[str], positions: np.ndarray,
                        velocities: np.ndarray, into: JointState | None = None) -> JointState:
-    """JointState message of positions and velocities (n,) [rad or m, rad/s or m/s]."""
+    """Fill a JointState message with positions and velocities (n,) [rad or m, rad/s or m/s]."""
     message = JointState() if into is None else into
     message.name = list(joint_names)
     message.header.stamp = stamp
@@ -116,9 +120,9 @@ def joint_state_to_msg(stamp: Time, joint_names: Sequence[str], positions: np.nd
 
 def joint_positions(message: JointState, joint_names: Sequence[str]) -> np.ndarray | None:
     """
-    Positions (n,) of the named joints [rad or m], None if the message lacks one of them.
+    Return the positions (n,) of the named joints [rad or m], None if one of them is missing.
 
-    Other joints may stand in the message, and the joints in any order.
+    The message may contain other joints, and the joints in any order.
     """
     index = {name: i for i, name in enumerate(message.name)}
     order = [index.get(name, len(message.position)) for name in joint_names]
@@ -128,13 +132,13 @@ def joint_positions(message: JointState, joint_names: Sequence[str]) -> np.ndarr
 
 
 def edge_goal_from_msg(message: TrackEdge.Goal) -> EdgeGoal:
-    """EdgeGoal of a TrackEdge goal message; direction 0 means +1."""
+    """Convert a TrackEdge goal message to an EdgeGoal; direction 0 means +1."""
     return EdgeGoal(message.speed, message.force, message.direction or 1, message.length,
                     message.retreat, message.closed, message.client_timeout)
 
 
 def edge_result_to_msg(servo: Supervisor, duration: float, base_frame: str) -> TrackEdge.Result:
-    """TrackEdge result of a servo whose goal has ended after `duration` [s]."""
+    """Create the TrackEdge result of a servo whose goal has ended after `duration` [s]."""
     track, reason = servo.statistics, servo.reason
     message = TrackEdge.Result(
         success=servo.success, reason_code=int(reason.code), reason=reason.text,
@@ -149,7 +153,7 @@ def edge_result_to_msg(servo: Supervisor, duration: float, base_frame: str) -> T
 
 
 def edge_feedback_to_msg(status: ServoStatus) -> TrackEdge.Feedback:
-    """TrackEdge feedback of a ServoStatus message."""
+    """Convert a ServoStatus message to TrackEdge feedback."""
     return TrackEdge.Feedback(
         state=status.state, reason_code=status.reason_code, reason=status.reason,
         progress=status.progress, lateral_error=status.lateral_error,
@@ -157,7 +161,7 @@ def edge_feedback_to_msg(status: ServoStatus) -> TrackEdge.Feedback:
 
 
 def surface_goal_from_msg(message: TrackSurface.Goal) -> SurfaceGoal:
-    """SurfaceGoal of a TrackSurface goal message; a pattern that there is not stays a number."""
+    """Convert a TrackSurface goal message to a SurfaceGoal; an unknown pattern stays an int."""
     number, direction = message.pattern, message.direction
     return SurfaceGoal(
         message.speed, message.force,
@@ -170,7 +174,7 @@ def surface_goal_from_msg(message: TrackSurface.Goal) -> SurfaceGoal:
 
 def surface_result_to_msg(servo: Supervisor, duration: float,
                           base_frame: str) -> TrackSurface.Result:
-    """TrackSurface result of a servo whose goal has ended after `duration` [s]."""
+    """Create the TrackSurface result of a servo whose goal has ended after `duration` [s]."""
     track, reason, felt = servo.statistics, servo.reason, servo.result()
     assert isinstance(felt, SurfaceResult)
     message = TrackSurface.Result(
@@ -185,7 +189,7 @@ def surface_result_to_msg(servo: Supervisor, duration: float,
 
 
 def touch_to_msg(touch: Touch, base_frame: str) -> PoseStamped:
-    """PoseStamped message of a Touch: the contact, z along the outward normal."""
+    """Convert a Touch to a PoseStamped message with z along the outward normal."""
     message = PoseStamped(pose=pose_to_msg(_facing(touch.point, -touch.normal)))
     set_stamp(message.header.stamp, touch.stamp_ns)
     message.header.frame_id = base_frame
@@ -193,7 +197,7 @@ def touch_to_msg(touch: Touch, base_frame: str) -> PoseStamped:
 
 
 def _facing(point: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Pose (4, 4) at a point whose z is a unit vector, turned to it the shortest way."""
+    """Return the pose (4, 4) at a point with z along a unit vector, by the smallest rotation."""
     pose = np.eye(4)
     side = np.cross([0.0, 0.0, 1.0], axis)
     cosine = axis[2]
@@ -207,7 +211,7 @@ def _facing(point: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 
 def surface_feedback_to_msg(status: ServoStatus) -> TrackSurface.Feedback:
-    """TrackSurface feedback of a ServoStatus message."""
+    """Convert a ServoStatus message to TrackSurface feedback."""
     return TrackSurface.Feedback(
         state=status.state, reason_code=status.reason_code, reason=status.reason,
         progress=status.progress, normal_force=status.normal_force,
@@ -215,7 +219,7 @@ def surface_feedback_to_msg(status: ServoStatus) -> TrackSurface.Feedback:
 
 
 class Action(NamedTuple):
-    """An action of the servo: its type, and what its goal, result and feedback are in the core."""
+    """An action of the servo: its type, and the conversions of goal, result and feedback."""
 
     type: Any
     goal_from_msg: Callable
@@ -223,7 +227,7 @@ class Action(NamedTuple):
     feedback_to_msg: Callable
 
 
-# By the names that the registry of laws gives them.
+# Keys: names of the actions in the registry of laws.
 ACTIONS = {
     'track_edge': Action(
         TrackEdge, edge_goal_from_msg, edge_result_to_msg, edge_feedback_to_msg),
@@ -232,7 +236,7 @@ ACTIONS = {
 
 
 def journal_to_msg(journal: Journal, now_ns: int, frame: str) -> ServoCalls:
-    """ServoCalls message of a Journal, at a time [ns] and of a sensor's frame."""
+    """Convert a Journal to a ServoCalls message with a stamp [ns] and the sensor's frame."""
     message = ServoCalls(first=journal.first, call=journal.call, time=journal.time,
                          value=journal.value, texts=journal.texts)
     set_stamp(message.header.stamp, now_ns)
@@ -242,7 +246,7 @@ def journal_to_msg(journal: Journal, now_ns: int, frame: str) -> ServoCalls:
 
 def status_to_msg(status: Status, controller: str, timing: Timing,
                   into: ServoStatus | None = None) -> ServoStatus:
-    """ServoStatus message of a Status, its header left as it is."""
+    """Convert a Status to a ServoStatus message; the header is not filled."""
     message = ServoStatus() if into is None else into
     message.controller, message.state = controller, int(status.state)
     message.reason_code, message.reason = int(status.reason.code), status.reason.text

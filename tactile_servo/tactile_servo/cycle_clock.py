@@ -1,33 +1,37 @@
-"""Time between the cycles of a servo, and what is wrong with it."""
+"""Time between the cycles of a servo, and its faults."""
 
 from tactile_servo.control.scaling import clipped
 from tactile_servo.reasons import Reason, ReasonCode
 
-STALL = 0.05  # s without a cycle, or of time that stands still, of which nothing good can come
+STALL = 0.05  # s, longest time without a cycle, or without advance of the stamps' clock
 
 
 class CycleClock:
     """
-    Two clocks, of the machine (steady) and of the stamps, by which the robot moves.
+    Compares the steady clock of the computer and the clock of the stamps, which sets the motion.
 
     Attributes
     ----------
     gap : float
-        Steady time since the last cycle [s].
+        Steady time from the previous cycle to the newest one [s].
     fault : Reason or None
-        What is wrong with the time of the newest cycle.
+        Fault of the time in the newest cycle.
     """
 
     def __init__(self, period: float):
         self._period = period
         self._last: float | None = None
         self._last_ns = 0
-        self._advanced = 0.0  # steady time at which the clock of the stamps has gone on last [s]
+        self._advanced = 0.0  # steady time at which the stamps' clock last advanced [s]
         self.gap = 0.0
         self.fault: Reason | None = None
 
     def tick(self, now: float, now_ns: int) -> float:
-        """Begin a cycle at a steady time [s] and a time of the stamps [ns]; dt >= 0 [s]."""
+        """
+        Begin a cycle at a steady time [s] and a time of the stamps [ns]; return its dt [s].
+
+        dt is the step of the stamps' clock, limited to 0 to 2 periods.
+        """
         self.gap, step = 0.0, self._period
         if self._last is not None:
             self.gap, step = now - self._last, (now_ns - self._last_ns) * 1e-9

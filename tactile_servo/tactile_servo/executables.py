@@ -1,4 +1,4 @@
-"""Executables of the package; what they import comes once signals are taken."""
+"""Executables of the package; they handle signals before they import their modules."""
 from tactile_common.start import executable
 
 build_jacobian_table = executable('tactile_servo.cli.build_jacobian_table')

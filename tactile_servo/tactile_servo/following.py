@@ -1,4 +1,4 @@
-"""Whether the robot goes where it is sent, judged by the way of its sensor."""
+"""Check that the robot follows its commands, by the poses of its sensor."""
 
 import math
 
@@ -8,15 +8,15 @@ from tactile_common.kernels import njit
 from tactile_servo.config import InputConfig
 from tactile_servo.reasons import Reason, ReasonCode
 
-SIZE = 512  # cycles that are kept
-LATE = 0.05  # s that the robot may follow late: dead time and lag of an arm that can be servoed
+SIZE = 512  # number of stored cycles
+LATE = 0.05  # s, largest delay of the robot: dead time and lag of an arm that can be servoed
 
 
 class Following:
     """
-    The poses that a sensor was sent to lately, and those where it was measured meanwhile.
+    Compares recently commanded poses of the sensor with measured ones.
 
-    Rotations count as lengths on `rotation_length` [m/rad].
+    Rotations count as lengths: angle times `rotation_length` [m/rad].
     """
 
     def __init__(self, config: InputConfig, rotation_length: float):
@@ -26,17 +26,17 @@ class Following:
         self._count = 0
 
     def reset(self) -> None:
-        """Forget all, because the robot starts anew from where it is."""
+        """Forget all poses, because the robot starts again from where it is."""
         self._count = 0
 
     def sent(self, now: float, commanded: np.ndarray, measured: np.ndarray) -> None:
-        """Take the pose (4, 4) that was commanded at a time [s] and the one measured then."""
+        """Record the pose (4, 4) commanded at a time [s], and the pose measured then."""
         k = self._count % SIZE
         self._times[k], self._sent[k], self._measured[k] = now, commanded[:3], measured[:3]
         self._count += 1
 
     def problem(self, measured: np.ndarray, arrival: float) -> Reason | None:
-        """Judge a measured pose (4, 4) that arrived at a time [s]; None while all is well."""
+        """Check a measured pose (4, 4) that arrived at a time [s]; None if the robot follows."""
         if not self._count:
             return None
         c = self._config
@@ -53,7 +53,11 @@ class Following:
 
 @njit(cache=True)
 def apart(one: np.ndarray, other: np.ndarray, length: float) -> float:
-    """How far two poses (3 or 4, 4) are apart, by place or by angle on a length [m]."""
+    """
+    Return the distance of two poses (3 or 4, 4) [m].
+
+    It is the larger of the distance of their positions and the rotation times `length` [m/rad].
+    """
     place = turn = 0.0
     for i in range(3):
         place += (one[i, 3] - other[i, 3])**2
@@ -66,7 +70,7 @@ def apart(one: np.ndarray, other: np.ndarray, length: float) -> float:
 @njit(cache=True)
 def _judge(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count: int,
            measured: np.ndarray, since: float, enough: float, length: float) -> tuple[float, bool]:
-    """How far the robot is from its way [m], and whether it stands."""
+    """Return the robot's distance from its path [m], and whether it stands."""
     return (_away(times, sent, count, measured, since, length),
             _stands(times, sent, measured_then, count, measured, since, enough, length))
 
@@ -74,7 +78,11 @@ def _judge(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count
 @njit(cache=True)
 def _away(times: np.ndarray, sent: np.ndarray, count: int, measured: np.ndarray, since: float,
           length: float) -> float:
-    """Distance to the nearest of the poses sent since a time, and the one before [m]."""
+    """
+    Return the distance to the nearest commanded pose [m].
+
+    The commands since a time count, and the last one before it.
+    """
     nearest = math.inf
     for n in range(count - 1, max(count - len(times), 0) - 1, -1):
         distance = apart(sent[n % len(times)], measured, length)
@@ -88,7 +96,11 @@ def _away(times: np.ndarray, sent: np.ndarray, count: int, measured: np.ndarray,
 @njit(cache=True)
 def _stands(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count: int,
             measured: np.ndarray, until: float, enough: float, length: float) -> bool:
-    """Whether the robot has not moved by a fifth of what it was sent before a time."""
+    """
+    Return whether the robot stands although it was commanded to move.
+
+    It was commanded by `enough` [m] until a time, and has moved by no more than a fifth of that.
+    """
     size = len(times)
     last, moved = -1, 0.0
     for n in range(count - 1, max(count - size, 0) - 1, -1):

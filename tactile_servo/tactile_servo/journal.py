@@ -1,4 +1,4 @@
-"""A supervisor that keeps what it is given and asked, and how that is done again."""
+"""A supervisor that records its calls, and the replay of these calls."""
 
 from array import array
 from dataclasses import asdict, dataclass, field
@@ -19,7 +19,7 @@ from tactile_servo.types import State, Status
 
 
 class Call(IntEnum):
-    """The numbers of ServoCalls.msg."""
+    """Kinds of calls, with the numbers of ServoCalls.msg."""
 
     SENSOR = 0
     JOINTS = 1
@@ -48,7 +48,7 @@ WITH_TEXT = (Call.START, Call.TUNE, Call.TEACH, Call.AROUND, Call.REFUSED, Call.
 
 @dataclass(eq=False)
 class Journal:
-    """Calls, as in ServoCalls.msg."""
+    """Recorded calls, as in ServoCalls.msg."""
 
     first: int = 0
     call: array = field(default_factory=lambda: array('B'))
@@ -57,7 +57,7 @@ class Journal:
     texts: list[str] = field(default_factory=list)
 
     def add(self, call: Call, time: float = 0.0, value: int = 0, text: str | None = None) -> None:
-        """Keep a call."""
+        """Append a call."""
         self.call.append(call)
         self.time.append(time)
         self.value.append(value)
@@ -66,7 +66,7 @@ class Journal:
 
 
 class JournaledSupervisor(Supervisor):
-    """A supervisor that keeps all that is done with it in `journal`, until that is taken."""
+    """A supervisor that records its calls in `journal`, until `take_journal`."""
 
     def __init__(self, *arguments: Any, **named: Any):
         super().__init__(*arguments, **named)
@@ -75,13 +75,13 @@ class JournaledSupervisor(Supervisor):
         self._delay = self.motion.delay.learnt
 
     def take_journal(self) -> Journal:
-        """Take what was kept since the last time."""
+        """Return the calls since the last `take_journal`, and begin a new journal."""
         journal = self.journal
         self.journal = Journal(journal.first + len(journal.call))
         return journal
 
     def _tell_reasons(self) -> None:
-        """Keep what was set from without, if it has changed."""
+        """Record values that are set from outside, if they have changed."""
         for call, reason in ((Call.AROUND, self.around), (Call.REFUSED, self.inputs.refused)):
             if reason != self._told[call]:
                 self._told[call] = reason
@@ -92,7 +92,7 @@ class JournaledSupervisor(Supervisor):
             self.journal.add(Call.DELAY, text=json.dumps(self._delay))
 
     def see_sensor(self, sensor: SensorInfo) -> None:
-        """As of the supervisor, like all below."""
+        """Record the call and do what the supervisor does; the methods below do the same."""
         self.journal.add(Call.SENSOR, 0.0, sensor.stamp_ns)
         super().see_sensor(sensor)
 
@@ -148,7 +148,7 @@ class JournaledSupervisor(Supervisor):
         super().note(refusal)
 
     def retune(self, config: Any) -> None:
-        """Have the law take a configuration in which live fields have changed."""
+        """Record a configuration with changed live fields, and pass it to the law."""
         values: dict[str, Any] = {}
         built(type(config), lambda name, value, *_: values.setdefault(name, value),
               defaults=config)
@@ -158,14 +158,14 @@ class JournaledSupervisor(Supervisor):
 
 def ask_again(servo: Supervisor, call: int, time: float, value: int, text: str) -> None:
     """
-    Do again what a servo was asked, of the calls from START on.
+    Repeat a recorded call of a servo; only calls from START on.
 
-    TactileError where it refuses that, as it did then.
+    TactileError if the servo refuses the call, as it did in the recording.
     """
     code = next((it for it in ReasonCode if it == value), ReasonCode.NONE)
     reason = Reason(code, text) if value else None
     if call == Call.START:
-        if servo.state is State.DONE:  # with other settings it may end at another time
+        if servo.state is State.DONE:  # with other settings the last goal may end earlier
             servo.finish()
         servo.start(_goal(servo.law.goal_type, json.loads(text)), time)
     elif call == Call.FINISH:
@@ -196,7 +196,7 @@ def ask_again(servo: Supervisor, call: int, time: float, value: int, text: str) 
 
 
 def _goal(kind: type, values: dict[str, Any]) -> Any:
-    """Goal of the fields that JSON has kept."""
+    """Create a goal from its fields in JSON."""
     if 'points' in values:
         values['points'] = np.array(values['points'], dtype=float).reshape(-1, 3)
         pattern = values['pattern']

@@ -1,4 +1,4 @@
-"""The robot that a servo moves, and the limits that it keeps, as parameters say them."""
+"""Parameters of the robot that a servo moves, and of its limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from tactile_servo.motion.robot import RobotModel
 
 @dataclass(frozen=True)
 class JointsConfig:
-    """Limits that the joints must keep beyond those of the URDF."""
+    """Joint limits in addition to those of the URDF."""
 
     velocity_scale: float = bounded(
         1.0, "fraction of the URDF's joint velocities that may be used", '', 0.01, 1.0)
@@ -27,7 +27,7 @@ class JointsConfig:
 
 @dataclass(frozen=True)
 class WorkspaceConfig:
-    """Box that the sensor stays in."""
+    """Box in which the sensor's origin stays."""
 
     lower: tuple[float, ...] = field(default=(-10.0, -10.0, -10.0), metadata={
         'doc': 'corner of the box that the sensor stays in, in the base frame', 'unit': 'm',
@@ -38,7 +38,7 @@ class WorkspaceConfig:
 
 @dataclass(frozen=True)
 class NodeConfig:
-    """Robot that the servo moves, and the law that it follows."""
+    """Parameters of the node: robot, law and topics."""
 
     robot_description: str = field(default='', metadata={
         'doc': 'URDF of the robot with the sensor: its text, or the path of a file'})
@@ -58,7 +58,7 @@ class NodeConfig:
 
 
 def robot_of(config: NodeConfig) -> tuple[RobotModel, JointLimits, WorkspaceBox]:
-    """Robot of a configuration, its limits and box; ConfigurationError if there is none."""
+    """Create model, limits and box of the robot; ConfigurationError without a valid URDF."""
     if not config.robot_description:
         raise ConfigurationError(
             'robot_description: no URDF given; pass its text or the path of a file')
@@ -71,7 +71,7 @@ def robot_of(config: NodeConfig) -> tuple[RobotModel, JointLimits, WorkspaceBox]
 
 
 def _each(values: tuple[float, ...], names: Sequence[str]) -> np.ndarray:
-    """Values (n,) of the joints, from one for all of them or one each."""
+    """Return values (n,) of the joints, from one value for all or one for each."""
     if len(values) not in (1, len(names)):
         raise ConfigurationError(
             f'joints.acceleration has {len(values)} values for {len(names)} joints; give one for '
@@ -80,5 +80,5 @@ def _each(values: tuple[float, ...], names: Sequence[str]) -> np.ndarray:
 
 
 def box_of(config: NodeConfig) -> WorkspaceBox:
-    """Box of a configuration."""
+    """Create the box of a configuration."""
     return WorkspaceBox(np.array(config.workspace.lower), np.array(config.workspace.upper))

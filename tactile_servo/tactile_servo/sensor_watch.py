@@ -1,4 +1,4 @@
-"""Whether a sensor that keeps sending is alive: its noise, and what it says where nothing is."""
+"""Check that a sensor which sends images is alive, by its noise and its unloaded values."""
 
 import math
 
@@ -8,33 +8,33 @@ from tactile_common.kernels import njit
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.reasons import Reason, ReasonCode
 
-LIVELY = 4.0  # images between two changes of a tactel whose noise tells that it is alive
-TOGETHER = 0.1  # of the lively tactels, two at least, that do not fall silent by chance
-CHANCE = 1e-9  # that they do
-SAME = 0.01  # m of way, on which even an image without noise changes under load
+LIVELY = 4.0  # a tactel that changes after fewer images on average is lively: noise shows its life
+TOGETHER = 0.1  # share of lively tactels, at least two, that must be silent to be reported
+CHANCE = 1e-9  # probability that so many are silent by chance
+SAME = 0.01  # m of travel within which even an image without noise must change under load
 
 
 class SensorWatch:
     """
-    What successive images say of the sensor itself.
+    Monitors the sensor by successive images.
 
-    The intervals at which the tactels' noise changes them are learnt without load, when nothing
-    else does.
+    It learns the intervals between changes of the tactels without load, when only noise changes
+    them.
     """
 
     def __init__(self) -> None:
         self._before = np.empty(0, np.float32)
-        self._quiet = self._interval = np.empty(0)  # images since a tactel changed; its mean
-        self._place, self._same = np.zeros(3), 0.0  # way [m] since the image changed, and whence
-        self._lively = self._silent = 0.0  # share of the tactels, and of these if it is no chance
-        self._below = 0.0  # force with which all of the pad seems to be pulled [N]
+        self._quiet = self._interval = np.empty(0)  # images since a tactel changed; mean interval
+        self._place, self._same = np.zeros(3), 0.0  # where the image changed; travel since [m]
+        self._lively = self._silent = 0.0  # share of lively tactels; of these, of silent ones
+        self._below = 0.0  # force that seems to pull at the whole pad [N]
 
     def see(self, image: TactileImage, loaded: bool, place: np.ndarray) -> None:
-        """Take an image, which may be `loaded`, of a pad at a place (3,) [m]."""
+        """Process an image of a pad at a position (3,) [m]; `loaded` if something presses it."""
         layer = next((one for one in image.layers if one.component == 'zz'), None)
         if layer is None or not layer.stress.size:
             return
-        # A copy, of the one kind of array that the kernel is compiled for.
+        # A copy, of the only array type for which the kernel is compiled.
         stress = np.array(layer.stress, np.float32, order='C').ravel()
         if stress.size != self._before.size:
             self._quiet, self._interval = np.zeros(stress.size), np.full(stress.size, np.inf)
@@ -52,11 +52,11 @@ class SensorWatch:
 
     @property
     def watches(self) -> bool:
-        """Whether the noise is enough to tell whether the sensor is alive."""
+        """Whether there is enough noise to detect that the sensor falls silent."""
         return self._lively > 0.25
 
     def problem(self, force: float) -> Reason | None:
-        """Why the sensor is not to be believed while a force [N] is wanted, or None."""
+        """Return why the sensor cannot be trusted while a force [N] is wanted, or None."""
         if self._below > 0.25 * force:
             return Reason(ReasonCode.SENSOR_DRIFTED, 'the pad seems to be pulled by '
                           f'{self._below:.1f} N; tare it')
@@ -72,16 +72,17 @@ class SensorWatch:
 def _compare(stress: np.ndarray, before: np.ndarray, quiet: np.ndarray, interval: np.ndarray,
              loaded: bool, floor: float) -> tuple[bool, float, float, float]:
     """
-    Compare an image (N,) with the one before, and count on in `quiet` and `interval` (N,).
+    Compare an image (N,) with the previous one, and update `quiet` and `interval` (N,).
 
-    Returns whether any tactel has changed, the share of lively tactels and, of these, that of
-    silent ones, 0 where it may be chance; and the median of what is measured: at either end of
-    its range a tactel says the same whatever it feels.
+    Returns whether any tactel has changed; the share of lively tactels; of these, the share of
+    silent ones, 0 if it may be due to chance; and the median of the readings within the range.
+    Clipped readings do not count, because they are constant.
 
-    Rounded noise stays long at one value and short at its neighbours: at an interval i between
-    changes the long ones last 2 i - 1 images in the mean, at most. For k times as long a tactel
-    does not change with a chance of e^-k, and any m of N together with one below
-    (N choose m) e^-km < (e N / m)^m e^-km, which is CHANCE for the k that is taken.
+    Rounded noise stays long at one value and short at its neighbours. With a mean interval i
+    between changes, the long intervals last at most 2 i - 1 images on average. The probability
+    that a tactel does not change for k times as long is e^-k. The probability that any m of N do
+    not change together is below (N choose m) e^-km < (e N / m)^m e^-km. k is chosen so that this
+    bound equals CHANCE.
     """
     changed, count, total, measured = False, 0, 0.0, np.empty(stress.size)
     known = 0

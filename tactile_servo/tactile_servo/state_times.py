@@ -1,20 +1,20 @@
-"""How long a goal may stay in the states that move the robot."""
+"""Time limits of the states that move the robot."""
 
 from tactile_servo.config import ServoConfig
 from tactile_servo.law import Goal
 from tactile_servo.types import State, TRACKING
 
-SLACK = 10.0  # s beside that
-LONGEST_TRACK = 1800.0  # s of a goal without a length
+SLACK = 10.0  # s in addition to the time for the distance
+LONGEST_TRACK = 1800.0  # s, for a goal without a length
 
 
 def approach_speed(config: ServoConfig, force: float) -> float:
-    """Speed of the approach [m/s]: what is to be touched with less than 2.5 N, slowly."""
+    """Return the speed of the approach [m/s], reduced for forces below 2.5 N."""
     return config.approach.speed * min(force / 2.5, 1.0)
 
 
 class StateTimes:
-    """Time that a goal has spent approaching, tracking and lifting off, and how much it may."""
+    """Time that a goal has spent in approach, tracking and retreat, and the limits."""
 
     def __init__(self, config: ServoConfig, goal: Goal):
         speed = config.approach.speed
@@ -31,18 +31,18 @@ class StateTimes:
         self._last: float | None = None
 
     def count(self, state: State, now: float) -> None:
-        """Count the time since the last call for a state [s]."""
+        """Add the time since the last call to a state; `now` is a steady time [s]."""
         state = _kind(state)
         if state in self._spent and self._last is not None:
             self._spent[state] += now - self._last
         self._last = now
 
     def longest(self, state: State) -> float:
-        """How long a state that moves the robot may last in all [s]."""
+        """Return the largest total time of a state that moves the robot [s]."""
         return self._longest[_kind(state)]
 
     def over(self, state: State) -> bool:
-        """Whether it has lasted for longer."""
+        """Return whether a state has exceeded this time."""
         return self._spent[_kind(state)] > self.longest(state)
 
 

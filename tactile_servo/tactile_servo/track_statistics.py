@@ -1,4 +1,4 @@
-"""What a goal has achieved so far: length, errors, contour."""
+"""Statistics of a goal: length, errors, contour."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_servo.types import TaskError
 
-SETTLING_LENGTH = 0.01  # m after first contact that the error statistics leave out
+SETTLING_LENGTH = 0.01  # m after first contact that the error statistics exclude
 
 
 class TrackStatistics:
@@ -14,11 +14,11 @@ class TrackStatistics:
 
     def __init__(self, force: float, near: float = np.inf):
         self.force = force  # set-point of the normal force [N]
-        self._near, self._beside = near, 0  # lateral error [m] of images that count as beside
-        self.length = 0.0  # way of the sensor since first contact, searches and stops too [m]
-        self.tracked_length = 0.0  # the same, up to where the edge was last followed [m]
+        self._near, self._beside = near, 0  # lateral error above which an image is beside [m]
+        self.length = 0.0  # travel since first contact, including searches and stops [m]
+        self.tracked_length = 0.0  # `length` at the place where the edge was last followed [m]
         self.force_max = self.lateral_max = 0.0  # largest measured values [N], [m]
-        # Stamps of images [ns] and poses (4, 4) of the sensor in the base, moved onto the edge.
+        # Stamps of images [ns] and poses (4, 4) of the sensor in the base, shifted onto the edge.
         self.contour: list[tuple[int, np.ndarray]] = []
         self._last_position: list[float] | None = None
         self._last_stamp: int | None = None
@@ -28,13 +28,14 @@ class TrackStatistics:
 
     def move(self, pose: np.ndarray, heading: Sequence[float], on_edge: bool = True) -> None:
         """
-        Take the measured pose of the sensor (4, 4) and the way it goes along the edge (3,).
+        Process the measured pose of the sensor (4, 4) and its direction along the edge (3,).
 
-        What is not `on_edge`, a search or a stop, counts as tracked only once tracking goes on.
+        Travel that is not `on_edge` (a search or a stop) counts as tracked only after tracking
+        has continued.
         """
         position = pose[:3, 3].tolist()
         if self._last_position is not None:
-            # Along the edge only: the way across it is correction.
+            # Only along the edge: motion across it is correction.
             (x, y, z), (last_x, last_y, last_z), (ux, uy, uz) = (
                 position, self._last_position, heading)
             self.length += (x - last_x) * ux + (y - last_y) * uy + (z - last_z) * uz
@@ -43,11 +44,15 @@ class TrackStatistics:
             self.tracked_length = self.length
 
     def stand(self) -> None:
-        """The way from here to where tracking goes on does not count."""
+        """Do not count the distance from here to the place where tracking continues."""
         self._last_position = None
 
     def see(self, error: TaskError, pose: np.ndarray, stamp_ns: int) -> None:
-        """Take the error of one image, once; where it is not on the edge only its force."""
+        """
+        Process the error of one image, once.
+
+        Off the edge, and before settling, it counts only for `force_max` and `contour`.
+        """
         if stamp_ns == self._last_stamp:
             return
         self._last_stamp = stamp_ns
@@ -66,7 +71,7 @@ class TrackStatistics:
 
     @property
     def beside(self) -> float:
-        """Share of the images after settling that saw the edge beside where it should be."""
+        """Share of the images after settling whose lateral error is above `near`."""
         return self._beside / max(self._count, 1)
 
     @property
@@ -82,9 +87,10 @@ class TrackStatistics:
 
 def along_contour(nodes: np.ndarray, poses: list) -> list[tuple[int, np.ndarray]]:
     """
-    Poses on a rebuilt contour: its places, the orientation and stamp of the nearest pose.
+    Return stamps [ns] and poses (4, 4) on a reconstructed contour.
 
-    Of nodes (N, 3) in the base frame [m], and stamps [ns] and poses (4, 4) on the way of a sensor.
+    Positions are the nodes (N, 3) of the contour in the base frame [m]. Orientation and stamp are
+    those of the nearest of `poses`, which are stamps [ns] and poses (4, 4) of the sensor.
     """
     if not poses:
         return []

@@ -1,4 +1,4 @@
-"""What a servo is told and what it tells: states, goal, status."""
+"""Types of a servo's interface: states, goal, status."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -12,7 +12,7 @@ NAN = float('nan')
 
 
 class State(IntEnum):
-    """States of a servo; the numbers of ServoStatus.msg."""
+    """States of a servo, with the numbers of ServoStatus.msg."""
 
     IDLE = 0
     APPROACH = 1
@@ -23,17 +23,17 @@ class State(IntEnum):
     DONE = 6
     HOLD = 7
 
-    __hash__ = int.__hash__  # Enum's is no built-in one, and states are looked up in every cycle
+    __hash__ = int.__hash__  # faster than Enum's, which is written in Python
 
 
-# While in one of these the law moves the sensor.
-ON_TRACK = (State.TRACK, State.CORNER)  # while searching there is no edge to be near to
+# States in which the law moves the sensor.
+ON_TRACK = (State.TRACK, State.CORNER)  # without SEARCH, in which there is no edge
 TRACKING = (*ON_TRACK, State.SEARCH)
 
 
 @dataclass(frozen=True)
 class EdgeGoal:
-    """What to track, as in TrackEdge.action."""
+    """Goal of tracking an edge, as in TrackEdge.action."""
 
     speed: float  # m/s
     force: float  # N
@@ -41,20 +41,20 @@ class EdgeGoal:
     length: float = 0.0  # m; 0 = until the edge ends
     retreat: bool = True  # at the end
     closed: bool = False  # end when the contour closes on its start
-    client_timeout: float = 0.0  # s of the client's silence that ends it; 0 = none does
+    client_timeout: float = 0.0  # s without the client's heartbeat that end it; 0 = no limit
 
 
 class TaskError(NamedTuple):
-    """Where what is tracked lies in the sensor frame, as last observed; NaN = unknown."""
+    """Last observed position of the edge or contact in the sensor frame; NaN = unknown."""
 
     lateral: float = NAN  # along the sensor's x [m]
-    longitudinal: float = NAN  # along its y [m]
+    longitudinal: float = NAN  # along the sensor's y [m]
     angle: float = NAN  # yaw [rad]
     force: float = NAN  # on the pad [N]
 
 
 class Timing(NamedTuple):
-    """How long things took, as in ServoStatus.msg: times [s] and counts."""
+    """Durations [s] and counts of cycles, as in ServoStatus.msg."""
 
     latency: float
     cycle_time: float
@@ -69,7 +69,7 @@ AT_REST.flags.writeable = False
 
 @dataclass(eq=False)  # not frozen: one is made every cycle
 class Status:
-    """One control cycle, as in ServoStatus.msg; SI units, NaN = unknown."""
+    """Status after one control cycle, as in ServoStatus.msg; SI units, NaN = unknown."""
 
     state: State
     reason: Reason

@@ -1,4 +1,4 @@
-"""Force at the robot's wrist: a second channel, that says whether the pad's is to be believed."""
+"""Force at the robot's wrist: a second measurement, which checks the force of the pad."""
 
 import math
 
@@ -10,10 +10,10 @@ from tactile_servo.reasons import Reason, ReasonCode
 
 class Wrist:
     """
-    Force on the wrist beside what it was while the pad was free and no goal worked on [N].
+    Force at the wrist relative to its value while the pad was free and no goal was active [N].
 
-    The weight of the tool is known from there, and must be compensated where the tool is turned
-    much.
+    This baseline includes the weight of the tool. If the tool is rotated much, its weight must be
+    compensated.
     """
 
     def __init__(self) -> None:
@@ -21,7 +21,7 @@ class Wrist:
         self._arrival, self._agreed = math.nan, math.inf
 
     def see(self, force: np.ndarray, arrival: float, at_rest: bool) -> None:
-        """Take a force (3,) [N] and its steady arrival time [s]; one not finite is passed over."""
+        """Process a force (3,) [N] and its steady arrival time [s]; ignore one not finite."""
         if not np.isfinite(force).all():
             return
         if not self.heard:
@@ -31,23 +31,23 @@ class Wrist:
         self._arrival, self.force = arrival, float(np.linalg.norm(force - self._rest))
 
     def judge(self, load: float, now: float) -> None:
-        """Compare with the load that the pad tells [N], at a steady time [s]."""
+        """Compare with the load on the pad [N] at a steady time [s]."""
         most = most_unfelt(max(self.force, load))
         if not self.heard or abs(self.force - load) <= most:
             self._agreed = now
 
     @property
     def heard(self) -> bool:
-        """Whether there was any force."""
+        """Whether any force has been received."""
         return not math.isnan(self._arrival)
 
     def missing(self, now: float, within: float) -> bool:
-        """Whether a wrist that was heard of is silent for so long [s]."""
-        return now - self._arrival > within  # not of one that is not there: NaN
+        """Return whether the wrist sent forces before, but none within a time [s]."""
+        return now - self._arrival > within  # false without a wrist: NaN
 
     def problem(self, load: float, now: float) -> Reason | None:
-        """Why the pad is not to be believed, or None."""
-        if now - self._agreed <= 0.1:  # they are filtered differently
+        """Return why the pad cannot be trusted, or None."""
+        if now - self._agreed <= 0.1:  # pad and wrist are filtered differently
             return None
         return Reason(ReasonCode.SENSOR_DISAGREES,
                       f'{load:.1f} N on the pad, {self.force:.1f} N at the wrist')
