@@ -33,7 +33,7 @@ examples:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Command line."""
+    """Create the parser of the command line."""
     found = Parser(
         prog='build_jacobian_table', description=(__doc__ or '').strip(), epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -60,7 +60,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _option(kind: type, name: str) -> str:
-    """Options of the skin and of the increments say so, where they could mean another thing."""
+    """Return the option of a field, with a prefix for those of the skin and of the increments."""
     prefix = {Increments: 'step-', SkinConfig: 'skin-'}.get(kind, '')
     return prefix + name.replace('_', '-')
 
@@ -71,7 +71,7 @@ def _settings(kind: Any, options: argparse.Namespace) -> Any:
 
 
 def make(options: argparse.Namespace) -> JacobianTable:
-    """Table that the options ask for."""
+    """Build the table that the options describe."""
     kind, increments = FeatureKind(options.features), _settings(Increments, options)
     array = TactelArray(options.rows, options.columns, options.pitch, options.pitch)
     half_x, half_y = array.half_width_x, array.half_width_y

@@ -1,4 +1,4 @@
-"""The servo's action: every goal that is accepted gets its result."""
+"""Action server of a servo: every accepted goal gets a result."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ FEEDBACK_PERIOD = 0.05  # s; the status topic has every cycle
 
 @dataclass(eq=False)
 class Execution:
-    """A goal of the action, since when it is worked on [s], and whether it has ended."""
+    """A goal of the action, its steady start time [s], and whether it has ended."""
 
     handle: Any
     started: float
@@ -31,33 +31,33 @@ class GoalServer:
     """
     Action server of a servo.
 
-    A goal is executed, in the action server's sense, when it has ended: an execute callback
-    would have to block or to await, and rclpy's executors poll a callback that awaits without a
-    pause, at the cost of a whole core.
+    The execute callback runs only after a goal has ended, and creates the result. During the goal
+    it would have to block or to await, and rclpy's executors poll an awaiting callback without a
+    pause, which takes a whole core.
 
     Attributes
     ----------
     told : bool
-        Whether every client has been told how its goal ended.
+        Whether the results of all accepted goals have been sent.
     """
 
     def __init__(self, node: Node, servo: Supervisor, name: str, base_frame: str,
                  look_around: Callable[[], None]):
-        self._look_around = look_around  # before a goal is judged
+        self._look_around = look_around  # called before a goal is checked
         self._logger, self._servo, self._base_frame = node.get_logger(), servo, base_frame
         self._action = ACTIONS[name]
         self._execution: Execution | None = None
         self.told = True
-        self._refusals: dict[bytes, Reason] = {}  # of goals accepted that could not start, by id
+        self._refusals: dict[bytes, Reason] = {}  # by id, of accepted goals that could not start
         self._server = ActionServer(
             node, self._action.type, name, self._finish, goal_callback=self._on_goal,
             handle_accepted_callback=self._on_accepted, cancel_callback=self._on_cancel)
         node.create_subscription(UUID, '~/heartbeat', self._on_heartbeat, 1)
 
     def report(self, msg: ServoStatus) -> None:
-        """Tell the client of a cycle; end its goal with the servo's."""
+        """Publish feedback after a cycle, and end the goal if the servo has ended it."""
         execution = self._execution
-        self.told = execution is None  # a cycle ago, so that the result has been sent
+        self.told = execution is None  # it ended a cycle ago, so the result has been sent
         if execution is None or execution.ended:
             return
         now = perf_counter()
@@ -80,7 +80,7 @@ class GoalServer:
     def _on_cancel(self, goal_handle: Any) -> CancelResponse:
         execution = self._execution
         if execution is None or execution.handle.goal_id != goal_handle.goal_id:
-            return CancelResponse.REJECT  # another goal is none of its business
+            return CancelResponse.REJECT  # only the active goal can be cancelled
         self._servo.cancel()
         return CancelResponse.ACCEPT
 
@@ -92,7 +92,7 @@ class GoalServer:
         now = perf_counter()
         try:
             self._servo.start(self._action.goal_from_msg(goal_handle.request), now)
-        except GoalRefused as refused:  # something came between the check and this
+        except GoalRefused as refused:  # the situation has changed since the check
             self._refusals[bytes(goal_handle.goal_id.uuid)] = refused.reason
             goal_handle.execute()
         else:
@@ -108,7 +108,7 @@ class GoalServer:
             goal_handle.abort()
             return self._action.type.Result(reason_code=int(refusal.code), reason=refusal.text)
         servo, execution = self._servo, self._execution
-        assert execution is not None  # that of this goal
+        assert execution is not None  # it belongs to this goal
         result = self._action.result_to_msg(
             servo, perf_counter() - execution.started, self._base_frame)
         self._execution = None
@@ -123,5 +123,5 @@ class GoalServer:
         return result
 
     def destroy(self) -> None:
-        """Release the action server."""
+        """Destroy the action server."""
         self._server.destroy()

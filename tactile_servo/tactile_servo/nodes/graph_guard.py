@@ -1,4 +1,4 @@
-"""What a servo watches in the graph around it: who publishes, and whether its robot obeys."""
+"""Checks of the ROS graph: who publishes, and whether the robot's controller is active."""
 
 from collections.abc import Callable, Sequence
 from time import perf_counter
@@ -12,25 +12,25 @@ from tactile_servo.reasons import Reason, ReasonCode
 
 try:
     from control_msgs.msg import JointTrajectoryControllerState
-except ImportError:  # then the robot's way alone says whether it obeys
+except ImportError:  # then only the robot's motion shows whether it follows commands
     JointTrajectoryControllerState = None
 
-SILENT = 0.2  # s without a state from a controller that publishes it: it is not active
+SILENT = 0.2  # s without a state, after which a controller that published states is not active
 
 
 class GraphGuard:
     """
-    Exactly one publisher on every topic that moves the robot, and a controller that is active.
+    Checks that no topic has a second publisher, and that the robot's controller is active.
 
     Parameters
     ----------
     node : Node
     topics, shared : sequence of str
-        That may have one publisher each, except those that are shared.
+        Topics that may have one publisher each, and those of them that may have more.
     controller : str
-        Name of the controller; its state is listened to where control_msgs is installed.
+        Name of the controller; its state is subscribed to if control_msgs is installed.
     see_reference : callable
-        Takes the message of that state's joints, of what the controller commands at its stamp.
+        Receives a JointState with the positions that the controller commands at its stamp.
     """
 
     def __init__(self, node: Node, topics: Sequence[str], shared: Sequence[str],
@@ -50,7 +50,7 @@ class GraphGuard:
             header=msg.header, name=msg.joint_names, position=msg.reference.positions))
 
     def problem(self) -> Reason | None:
-        """What is wrong now, or None."""
+        """Return what is wrong now, or None."""
         for topic in self._topics:
             count = self._node.count_publishers(topic)
             if count > 1:

@@ -1,4 +1,4 @@
-"""Parameters of the servo node beside those of supervisor and law."""
+"""Declaration of the servo node's parameters, and creation of its supervisor."""
 
 from rclpy.node import Node
 
@@ -13,18 +13,18 @@ from tactile_servo.robot_config import NodeConfig, robot_of
 
 def refuse_unknown_of(node: Node) -> None:
     """
-    Look for parameters that neither node nor any law has: passed over, they do harm silently.
+    Refuse parameters that neither the node nor any law has; ignored ones could do silent harm.
 
-    ConfigurationError if there are some; its message names the nearest that there are.
+    ConfigurationError if there are any; its message names the most similar known parameters.
     """
     known = parameters_of((NodeConfig, ServoConfig, *(
         row.law.config_type for row in LAWS.values())))
-    # rclpy has no public way to what was given and is not declared.
+    # rclpy has no public access to parameters that were given but not declared.
     refuse_unknown(node._parameter_overrides, [parameter.name for parameter in known])
 
 
 def declared_supervisor(node: Node) -> tuple[JournaledSupervisor, RobotModel, NodeConfig]:
-    """Declare the parameters and make the servo that they ask for."""
+    """Declare the parameters and create the supervisor from them."""
     refuse_unknown_of(node)
     c, config = declare_from(node, NodeConfig), declare_from(node, ServoConfig)
     law = law_named(c.law).law

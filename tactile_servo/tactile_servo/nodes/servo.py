@@ -1,4 +1,4 @@
-"""Servo node: images, contacts and joint states in, joint trajectories out (chapter 5)."""
+"""Servo node: computes joint trajectories from images, contacts and joint states (chapter 5)."""
 
 from dataclasses import dataclass
 import math
@@ -43,16 +43,16 @@ from tactile_servo.nodes.parameters import declared_supervisor
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import State, Status
 
-GUARD_PERIOD = 0.1  # s between looks at the graph
-STATUS_PERIOD = 0.01  # s between status messages, beside those of another state or reason
-JOURNAL_LENGTH = 50  # calls of a message: about 10 cycles
+GUARD_PERIOD = 0.1  # s between checks of the graph
+STATUS_PERIOD = 0.01  # s between status messages; a new state or reason is published at once
+JOURNAL_LENGTH = 50  # calls in a message: about 10 cycles
 _NEWEST = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @dataclass
 class Heard:
-    """Newest of each that the servo has not seen, and when it came; two as they came."""
+    """Newest unprocessed inputs with arrival times [s]; image and contact are serialized."""
 
     image: tuple[Any, float] | None = None
     contact: tuple[Any, float] | None = None
@@ -61,15 +61,15 @@ class Heard:
 
 @dataclass
 class Telling:
-    """When to publish the status, and how soon commands follow the pictures: times in s."""
+    """When to publish the status, and the latency from image to command; times in s."""
 
-    told: tuple[Any, Any] | None = None  # state and reason
-    next: float = -math.inf  # when the same are told again
-    used_ns: int = 0  # stamp of the newest picture that was used,
-    latency: float = math.nan  # and from there to its first command
+    told: tuple[Any, Any] | None = None  # state and reason that were last published
+    next: float = -math.inf  # when the same state and reason are published again
+    used_ns: int = 0  # stamp of the newest image that was used
+    latency: float = math.nan  # from that stamp to the first command; NaN if there was none
 
     def due(self, now: float, status: Status) -> bool:
-        """Whether to publish a status."""
+        """Return whether to publish a status now."""
         news = status.state, status.reason
         if news == self.told and now < self.next:
             return False
@@ -77,7 +77,7 @@ class Telling:
         return True
 
     def use(self, stamp_ns: int, commanded: bool, now_ns: float) -> None:
-        """Take the stamp of the picture that a cycle used, and whether it sent a command."""
+        """Record the stamp of the image that a cycle used, and whether it sent a command."""
         if stamp_ns != self.used_ns:
             self.used_ns = stamp_ns
             self.latency = (now_ns - stamp_ns) / NS if commanded else math.nan
@@ -85,20 +85,20 @@ class Telling:
 
 class EdgeServoNode(TactileNode):
     """
-    Track something by touch.
+    Tracks an edge or a surface by touch.
 
-    Subscribes to `sensor_info`, `image`, `contact` and `/joint_states`; streams windows to the
-    joint trajectory controller while a goal of the law's action is active; publishes
-    `servo_status`, `sensor_pose` at every joint state, with a law that maps a surface
-    `surface_contact`, and `/diagnostics`; `~/pause` holds and resumes, `~/teach` keeps what is
-    felt, for a law that can. Parameters: `NodeConfig`, `ServoConfig`, and those of the law. A
-    cycle begins with the image (or the contact, if the law sees no images), see `Pace`, and looks
-    at the newest of both alone, so that a fast sensor takes no time from it. Most of its
-    attributes are ROS entities.
+    Subscribes to `sensor_info`, `image`, `contact` and `/joint_states`. Sends windows to the joint
+    trajectory controller while a goal of the law's action is active. Publishes `servo_status`,
+    `sensor_pose` at every joint state, `/diagnostics`, and `surface_contact` if the law maps a
+    surface. `~/pause` holds and resumes; `~/teach` stores features if the law is `Teachable`.
+    Parameters: `NodeConfig`, `ServoConfig`, and those of the law.
+
+    A cycle begins with an image (or a contact, if the law sees no images), see `Pace`. It
+    processes only the newest image and contact, so that a fast sensor does not delay it.
     """
 
     def __init__(self, **kwargs: Any):
-        self._server: GoalServer | None = None  # until the parameters have proved right
+        self._server: GoalServer | None = None  # created after the parameters have been checked
         self._stopping: Reason | None = None
         super().__init__('edge_servo', **kwargs)
         self._servo, self._model, config = declared_supervisor(self)
@@ -120,7 +120,7 @@ class EdgeServoNode(TactileNode):
             PoseStamped, 'surface_contact', 10) if law_named(config.law).maps_surface else None
         self.create_subscription(SensorInfo, 'sensor_info', self._on_sensor, _LATCHED)
         self.create_subscription(ContactMsg, 'contact', self._on_contact, _NEWEST, raw=True)
-        self.create_subscription(  # whatever the law: an image tells the load as well
+        self.create_subscription(  # for every law, because an image also gives the load
             TactileImage, 'image', self._on_image, _NEWEST, raw=True)
         self.create_subscription(
             JointState, '/joint_states', self._on_joints, qos_profile_sensor_data, raw=True)
@@ -130,10 +130,10 @@ class EdgeServoNode(TactileNode):
             self.create_service(TeachFeatures, '~/teach', self._on_teach)
         self._server = GoalServer(self, self._servo, law_named(config.law).action,
                                   self._model.root_frame, self._look_around)
-        # Steady, so that the watchdogs run even where simulated time stands still.
+        # A steady clock, so that the watchdogs run even if simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(self._pace.period, self._on_timer, clock=steady)
-        # What the node's clock says, several times as fast to ask where that is the system's.
+        # Time of the node's clock; for the system clock, time_ns is several times faster.
         self._now_ns = self._simulated_ns if self.get_parameter('use_sim_time').value else time_ns
         self._guard = GraphGuard(
             self, ('image', 'contact', '/joint_states', self._trajectory.topic),
@@ -151,13 +151,13 @@ class EdgeServoNode(TactileNode):
         servo.around = self._stopping or self._guard.problem() or silent
 
     def stop(self) -> None:
-        """Stop within the robot's limits and end the goal; then it has `stopped`."""
+        """Stop within the robot's limits and end the goal; afterwards `stopped` is true."""
         self._stopping = Reason(ReasonCode.SHUTDOWN)
         self._servo.cancel(ReasonCode.SHUTDOWN)
 
     @property
     def stopped(self) -> bool:
-        """Whether it was asked to stop, and the client of its goal knows the result."""
+        """Whether the node was asked to stop and the result of its goal has been sent."""
         return self._stopping is not None and self._server is not None and self._server.told
 
     def _warn(self, text: str) -> None:
@@ -228,8 +228,8 @@ class EdgeServoNode(TactileNode):
             self._on_cycle()
 
     def _look(self) -> None:
-        """Unpack the newest image and the newest contact and give them to the servo."""
-        # The image first: what a contact tells the law belongs to an image it has seen.
+        """Unpack the newest inputs and pass them to the servo."""
+        # The image first, because a law refines an image that it has processed by its contact.
         heard, self._heard = self._heard, Heard()
         if heard.image is not None:
             raw, arrival = heard.image
@@ -256,7 +256,7 @@ class EdgeServoNode(TactileNode):
                 self._warn(f'contact passed over: {error}')
 
     def _on_timer(self) -> None:
-        # What an executor has still queued from before the timer was set anew comes too early.
+        # A call that the executor queued before the timer was reset comes too early.
         if self._pace.is_due(perf_counter()):
             self._on_cycle()
 
@@ -268,7 +268,7 @@ class EdgeServoNode(TactileNode):
         status, trajectory = self._servo.cycle(now, now_ns)
         if trajectory is not None and not self._servo.motion.in_time(
                 trajectory, (self._now_ns() - now_ns) / NS):
-            trajectory = None  # this process has not come to run meanwhile
+            trajectory = None  # too late: the process got no processor time
             self._servo.journal.add(Call.LATE)
         if trajectory is not None:
             self._trajectory.publish(trajectory_to_bytes(trajectory))
@@ -285,7 +285,7 @@ class EdgeServoNode(TactileNode):
             self._server.report(self._status_msg)
         if len(self._servo.journal.call) >= JOURNAL_LENGTH:
             self._tell_calls(now_ns)
-        # The timer is for the cycle after this one, should no picture come before.
+        # The timer starts the next cycle if no image does so before.
         wait = pace.end(perf_counter(), thread_time() - begin)
         self._timer.timer_period_ns = round(NS * wait)
         self._timer.reset()
@@ -317,7 +317,7 @@ class EdgeServoNode(TactileNode):
         pace.longest = 0.0
 
     def destroy_node(self) -> None:
-        """Tell what was not told yet; release the action server with the node."""
+        """Publish the remaining calls; destroy the action server and the node."""
         if self._server is not None:
             self._server.destroy()
             if self.context.ok():
@@ -326,7 +326,7 @@ class EdgeServoNode(TactileNode):
 
 
 def _keep_the_clock(parameters: Any) -> SetParametersResult:
-    """Refuse another clock for the stamps while the servo runs."""
+    """Refuse a change of the stamps' clock while the servo runs."""
     refused = any(parameter.name == 'use_sim_time' for parameter in parameters)
     return SetParametersResult(
         successful=not refused, reason='use_sim_time is set at the start' if refused else '')
