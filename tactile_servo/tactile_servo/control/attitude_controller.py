@@ -1,4 +1,4 @@
-"""Turning a pad to what it follows."""
+"""Rotation of a pad to the attitude of the edge or surface that it follows."""
 
 from dataclasses import dataclass
 import math
@@ -10,19 +10,19 @@ import numpy as np
 class AttitudeGains:
     """Gain and bounds of a rotation."""
 
-    gain: float  # rate at which an error is made up [1/s]
+    gain: float  # rate at which an error is corrected [1/s]
     max_rate: float  # rad/s
     acceleration: float  # rad/s^2
 
 
 class AttitudeController:
     """
-    Proportional control of an attitude, of bounded rate and acceleration.
+    Proportional control of an attitude with bounded rate and acceleration.
 
     Attributes
     ----------
     late : bool
-        Whether the rate is far from the wanted one.
+        Whether a cycle allows less than a fifth of the wanted change of the rate.
     """
 
     def __init__(self, gains: AttitudeGains):
@@ -30,25 +30,26 @@ class AttitudeController:
         self.reset()
 
     def reset(self) -> None:
-        """Stand still."""
+        """Set the rate to 0."""
         self._rate, self.late = np.zeros(3), False
 
     def rate(self, error: np.ndarray, ahead: np.ndarray, dt: float,
              acceleration: float = math.inf) -> np.ndarray:
         """
-        Angular velocity (3,) [rad/s] by the rotation vector (3,) [rad] that is missing.
+        Compute the angular velocity (3,) [rad/s] for an error, a rotation vector (3,) [rad].
 
-        It is added to the rate `ahead` (3,) [rad/s], with which what is followed turns. The
-        robot's own `acceleration` [rad/s^2] bounds its change as well.
+        The correction is added to `ahead` (3,) [rad/s], the rate at which the edge or surface
+        turns. Both the gains and the robot's own `acceleration` [rad/s^2] bound the change of the
+        angular velocity in a cycle of `dt` [s].
         """
         step = self._step(error, ahead)
         share = min(self.gains.acceleration, acceleration) * dt / max(_size(step), 1e-12)
-        self.late = share < 0.2  # of the change that is wanted, at once
+        self.late = share < 0.2  # of the wanted change
         self._rate = self._rate + step * min(1.0, share)
         return self._rate
 
     def way(self, error: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-        """Unit vector (3,) about which the rate is to change, by the same."""
+        """Return the axis (3,), a unit vector, of the change of rate for the same arguments."""
         step = self._step(error, ahead)
         return step / max(_size(step), 1e-12)
 
@@ -65,18 +66,18 @@ def _size(vector: np.ndarray) -> float:
 def off_edge(rotation: np.ndarray, way: tuple[float, float], slope: float, direction: int,
              max_turn: float) -> np.ndarray:
     """
-    Rotation vector (3,) that brings a pad along an edge and square to it [rad].
+    Compute the rotation vector (3,) that aligns a pad with an edge, perpendicular to it [rad].
 
     Parameters
     ----------
     rotation : ndarray, shape (3, 3) or more
-        Of the commanded pad in the plane.
+        Rotation of the commanded pad in the plane.
     way, slope : tuple of float, float
-        Unit vector x, y in which the edge runs, and its rise along itself.
+        Direction of the edge, a unit vector x, y, and its rise per length in the plane.
     direction : int
-        +1 or -1, of the pad's y along the edge.
+        +1 or -1: sign of the pad's y along the edge.
     max_turn : float
-        The pad is turned with the edge up to this angle [rad], and kept beyond.
+        Yaw up to which the pad turns with the edge [rad]; beyond, it does not turn further.
     """
     ux, uy = way
     heading = math.atan2(direction * rotation[1, 1], direction * rotation[0, 1])
@@ -84,8 +85,8 @@ def off_edge(rotation: np.ndarray, way: tuple[float, float], slope: float, direc
     yaw = math.atan2(rotation[1, 0], rotation[0, 0])
     if abs(yaw) > max_turn and turn * yaw > 0.0:
         turn = 0.0
-    # The pad's normal n is brought square to the edge, t, and to what lies across it, s:
-    # n turns by -(n t) t with the rate of turn -(n t) n x t.
+    # The pad's normal n is made perpendicular to the edge's direction t and to the direction s
+    # across it: the rotation -(n t) n x t changes n by -(n t) t.
     nx, ny, nz = rotation[:3, 2].tolist()
     tilt = (nx * ux + ny * uy + nz * slope) / (1.0 + slope**2)
     lean = ny * ux - nx * uy

@@ -1,31 +1,31 @@
-"""Whether a pad goes round a contour that does not close."""
+"""Detection of a pad that goes round a contour which does not close."""
 
 from collections.abc import Sequence
 import math
 
-MISS = 0.005  # m, within which a pad passes the start of its way
-LAPS = 1.5  # by the turns of the way
+MISS = 0.005  # m, distance within which a pad passes the start of its path
+LAPS = 1.5  # largest number of laps, by the rotation of the path
 
 Vector = Sequence[float]
 
 
 class LapGuard:
     """
-    Watch the way of a pad for its start coming again, and for its turns.
+    Checks whether the path of a pad returns to its start, and how far it has turned.
 
-    A contour that closes ends at its start. One that passes it within `MISS` and goes on does not
-    close any more.
+    A contour that closes ends the goal at its start. If the pad passes the start within `MISS` and
+    continues, the contour will not close any more.
     """
 
     def __init__(self) -> None:
-        self._start: tuple[Vector, Vector] | None = None  # place and way
+        self._start: tuple[Vector, Vector] | None = None  # position and heading
         self._heading: Vector = (0.0, 0.0, 0.0)
         self._left = False
         self._passed = math.inf  # length at which the start was passed [m]
         self.turned = 0.0  # rad
 
     def see(self, place: Vector, normal: Vector, heading: Vector, length: float) -> None:
-        """Take place, normal and way (3,) of the pad, and the length so far [m]."""
+        """Process position [m], normal and heading (3,) of the pad, and the length so far [m]."""
         if self._start is None:
             self._start = place, heading
         else:
@@ -38,7 +38,7 @@ class LapGuard:
             self._passed = min(self._passed, length)
 
     def problem(self, length: float) -> str:
-        """Why the contour will not close, after a length [m]; empty while it may."""
+        """Return why the contour will not close after a length [m]; empty if it still may."""
         if length - self._passed > 3.0 * MISS:
             return 'the pad has passed its start'
         if abs(self.turned) > 2.0 * math.pi * LAPS:
@@ -51,7 +51,7 @@ def _dot(one: Vector, other: Vector) -> float:
 
 
 def _turn(one: Vector, other: Vector, normal: Vector) -> float:
-    """Angle from one way to the other about a normal [rad]."""
+    """Return the angle from one heading to the other about a normal [rad]."""
     (ax, ay, az), (bx, by, bz), (x, y, z) = one, other, normal
     across = x * (ay * bz - az * by) + y * (az * bx - ax * bz) + z * (ax * by - ay * bx)
     return math.atan2(across, _dot(one, other))

@@ -1,4 +1,4 @@
-"""Whether what images tell of the force agrees with how deep the pad has been pressed."""
+"""Check that the forces from images agree with the depth to which the pad was pressed."""
 
 from collections import deque
 
@@ -6,35 +6,35 @@ import numpy as np
 
 
 def most_unfelt(force: float) -> float:
-    """Force [N] beyond what images tell, from which a pad presses too hard for a force [N]."""
+    """Return the largest allowed unfelt force [N] when a force [N] is wanted."""
     return 0.3 * force + 1.5
 
 
 def doubted(unfelt: float, force: float) -> bool:
-    """Whether so much `unfelt` force [N] makes a run with a force [N] no success."""
+    """Return whether an `unfelt` force [N] prevents the success of a goal of a force [N]."""
     return unfelt > 0.5 * most_unfelt(force)
 
 
 class PressCheck:
     """
-    How much deeper a pad was moved than the indentations that its images tell explain.
+    Computes how much deeper a pad has moved than the indentations in its images explain.
 
-    What is touched is rigid, so the indentation changes as the pad moves along the normal. If
-    images tell less, their sensor has lost gain, or what is touched gives way. A sum of the
-    differences (CUSUM), in any one frame, of the median of three images: one that is wrong counts
-    nothing.
+    The object is rigid, so the indentation must change by the motion along the normal. If images
+    show a smaller change, the sensor has lost gain, or the object gives way. The differences are
+    summed (CUSUM), in any fixed frame. The median of three images is used, so that a single wrong
+    image has no effect.
 
     Attributes
     ----------
     unexplained : float
-        That sum, as of the newest image [m].
+        This sum after the newest image [m].
     """
 
     def __init__(self) -> None:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew with the next image: what is touched may lie deeper from here on."""
+        """Start again with the next image, because the object may be deeper from here on."""
         self.unexplained, self._seen = 0.0, False
         self._place = self._normal = np.zeros(3)
         self._indentation = 0.0
@@ -43,10 +43,10 @@ class PressCheck:
     def see(self, place: np.ndarray, normal: np.ndarray, indentation: float,
             met: bool = True) -> None:
         """
-        Take what an image tells of the indentation at a place (3,) [m].
+        Process the indentation [m] in an image, and the position (3,) of the pad [m].
 
-        In direction of the unit normal (3,) it grows; square to that the pad is moved along what
-        it touches. The sum begins once the force was `met`: a lightly pressed skin is softer.
+        The unit normal (3,) points in the direction of pressing. The sum begins when the force
+        was `met` once, because a lightly pressed skin is softer.
         """
         self._last.append((place, normal, indentation))
         if len(self._last) < 3:
@@ -56,7 +56,7 @@ class PressCheck:
         if self._seen:
             way = place - self._place
             deeper = 0.5 * float((normal + self._normal) @ way) - (indentation - self._indentation)
-            # An error of its slope makes the depth seem to grow along what is tracked.
+            # With an error of the normal, the depth seems to grow along the edge: allow 2 mm/m.
             deeper -= 0.002 * float(np.linalg.norm(way))
             self.unexplained = max(self.unexplained + deeper, 0.0)
         self._seen = self._seen or met

@@ -1,4 +1,4 @@
-"""Whether a pad that has touched answers to being pressed and released as its stiffness says."""
+"""Test of a sensor after the touch: press and release must change the force as predicted."""
 
 from collections.abc import Callable
 import math
@@ -7,31 +7,32 @@ import numpy as np
 
 from tactile_servo.control.force_controller import ForceGains
 
-PRESSED = 0.6  # of the force, to press with: all of an edge is seen then
-LASTING = 0.4  # s of release and return
-UNLIKE = 3.0  # times stiffer or softer than told, and the sensor is not believed
+PRESSED = 0.6  # share of the goal's force to press with: it is enough to see the whole edge
+LASTING = 0.4  # s, duration of release and return
+UNLIKE = 3.0  # factor between measured and predicted change of the force above which it fails
 
 
 class PressTest:
     """
-    A press of a pad, a short release, and the return to where it was.
+    Presses the pad, releases it for a short time, and returns to the previous depth.
 
-    The depth that the force stands for, over the depth that the robot measures, has the slope 1.
+    The depth computed from the force is a function of the depth measured by the robot, which must
+    have the slope 1.
 
     Attributes
     ----------
     pressed : bool
-        Whether it has been pressed so far as it is to be.
+        Whether the pad has been pressed with the force of the test.
     deepest : float
-        Way from the touch at which that should have been so [m].
+        Distance from the touch at which `pressed` should be true at the latest [m].
     """
 
     def __init__(self, force: float, load: float, depth: Callable[[float], float]):
         self._depth, self._least = depth, max(PRESSED * force, load)
-        self._aim = self._least + 0.1 * force  # or it would hardly come to the least
+        self._aim = self._least + 0.1 * force  # without this it would barely reach the least force
         self.deepest = UNLIKE * (depth(self._least) - depth(load))
         self.pressed, self._release, self._lasted = False, 0.0, 0.0
-        self._way: dict[int, tuple[float, float]] = {}  # by the stamp
+        self._way: dict[int, tuple[float, float]] = {}  # advance and load, by stamp
 
     @property
     def over(self) -> bool:
@@ -39,7 +40,7 @@ class PressTest:
         return self._lasted >= LASTING
 
     def see(self, stamp_ns: int, load: float, advance: float) -> None:
-        """Take a load [N], its stamp [ns], and how far the pad had advanced then [m]."""
+        """Process a load [N], its stamp [ns], and the advance of the pad at the stamp [m]."""
         if not self.pressed and load >= self._least:
             self.pressed = True
             self._release = self._depth(self._least) - self._depth(0.6 * self._least)
@@ -47,22 +48,22 @@ class PressTest:
             self._way[stamp_ns] = advance, load
 
     def speed(self, load: float, dt: float) -> float:
-        """Speed along the normal [m/s] of the next cycle."""
+        """Compute the speed along the normal [m/s] for the next cycle, of `dt` [s]."""
         if not self.pressed:
             missing = max(self._depth(self._aim) - self._depth(load), 0.0)
             return math.sqrt(2.0 * ForceGains.braking * missing)
         self._lasted += dt
         if self.over:
             return 0.0
-        # Up and down again without a jerk: (1 - cos) / 2 of the way.
+        # Smooth release and return: the displacement is (1 - cos) / 2 of the release.
         turn = 2.0 * math.pi / LASTING
         return -0.5 * self._release * turn * math.sin(turn * self._lasted)
 
     def problem(self) -> str:
-        """What contradicts the stiffness, '' if nothing does."""
-        # Depths as of now: more of an edge may have come under the pad as it was pressed.
+        """Return what contradicts the stiffness, '' if nothing does."""
+        # Depths are computed only now: pressing may have brought more of the edge under the pad.
         way = np.array([(advance, self._depth(load)) for advance, load in self._way.values()
-                        if load > 0.2 * self._least])  # with less it may have come off
+                        if load > 0.2 * self._least])  # with less it may have lost contact
         if len(way) < 4:
             return 'it was not felt long enough'
         actual, told = (way - way.mean(axis=0)).T

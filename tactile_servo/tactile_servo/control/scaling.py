@@ -1,16 +1,16 @@
-"""Bounds, ramps and slopes that controllers share; plain numbers, for numpy's take ten times."""
+"""Bounds, ramps and slew limits for controllers, on floats: numpy would take ten times as long."""
 
 
 def clipped(value: float, low: float, high: float) -> float:
-    """Value within bounds; NaN stays."""
+    """Limit a value to bounds; NaN stays NaN."""
     return low if value < low else high if value > high else value
 
 
 def ramp(value: float, zero_at: float, one_at: float) -> float:
-    """How far a value is on the way from where it counts nothing to where it counts in full."""
+    """Return a linear ramp, 0 to 1, that is 0 up to one value and 1 from the other value on."""
     return clipped((value - zero_at) / (one_at - zero_at), 0.0, 1.0)
 
 
 def slewed(value: float, wanted: float, change: float) -> float:
-    """Value moved towards the wanted one by no more than a change."""
+    """Move a value towards the wanted one by at most `change`."""
     return value + clipped(wanted - value, -change, change)

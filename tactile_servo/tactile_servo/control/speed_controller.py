@@ -1,35 +1,35 @@
-"""How fast a pad goes over what it follows."""
+"""Speed of a pad along the edge or surface that it follows."""
 
 from tactile_servo.control.scaling import ramp
 
 
 def caution(pressed: float, astray: float) -> float:
     """
-    Share of the speed, 0 to 1, that a pad may keep.
+    Return the factor, 0 to 1, by which to reduce the speed of a pad.
 
     Parameters
     ----------
     pressed : float
-        Share of the wanted force that it presses with: it goes on between 0.7 and 1.1, and stands
+        Measured force over wanted force. The pad keeps its speed between 0.7 and 1.1, and stops
         below 0.3 and above 1.3.
     astray : float
-        How far it is from where it should be: 1 and more, and it stands; 0, and it goes on.
+        Deviation from the path: the pad keeps its speed at 0, and stops from 1 on.
     """
     return (ramp(pressed, 0.3, 0.7) * ramp(pressed, 1.3, 1.1)
             * ramp(astray, 1.0, 0.0))
 
 
 class SpeedController:
-    """Speed [m/s] that changes within bounds."""
+    """Speed [m/s] with bounded changes."""
 
     def __init__(self) -> None:
         self.speed = 0.0
 
     def reset(self) -> None:
-        """Stand still."""
+        """Set the speed to 0."""
         self.speed = 0.0
 
     def change(self, top: float, faster: float, slower: float) -> float:
-        """Go to a speed [m/s] with no more than these changes [m/s] of it."""
+        """Change to the speed `top`, by at most `faster` up or `slower` down; return it [m/s]."""
         self.speed = min(max(top, self.speed - slower), self.speed + faster)
         return self.speed

@@ -1,28 +1,29 @@
-"""The surface around the contact, felt and predicted: how deep the probe is, normal, bend."""
+"""Estimate of the surface around the contact: depth of the probe, normal, curvature."""
 import numpy as np
 
-_ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])  # of six numbers
+_ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])  # of BEND in K
 DEPTH, NORMAL, BEND = 0, slice(1, 4), slice(4, 10)  # of the state
 IDENTITY = np.eye(10)
-INEXACT = 0.1  # share of a depth that the force may be off by
+INEXACT = 0.1  # relative error of a depth from the force
 
 
 class SurfaceFilter:
     """
-    Kalman filter of the depth h, the inward normal n and its change K, of a probe's centre.
+    Kalman filter of the depth h, the inward normal n and the curvature K of a probe's centre.
 
-    The centre of a round probe that keeps its force moves on a surface of its own, h = 0. Around
-    a place of the centre h is h + n dc + dc' K dc / 2, with the gradient n + K dc; for a plane, a
-    cylinder or a sphere that normal is exact with the same symmetric K in the base frame, however
-    far it goes. The force tells h within a few micrometres and so, along the way, far more of the
-    normal than the place of the contact on the pad does; the latter tells it across the way.
+    The centre of a round probe that keeps its force moves on a surface of its own, h = 0. For a
+    displacement dc of the centre the depth is h + n dc + dc' K dc / 2, and the normal is the
+    gradient n + K dc. For a plane, a cylinder or a sphere this normal is exact at any distance,
+    with the same symmetric K in the base frame. The force gives h within a few micrometres. In the
+    direction of travel it therefore determines the normal far better than the contact's position
+    on the pad does; across it, that position determines the normal.
     """
 
     def __init__(self, depth_noise: float = 4e-6):
-        # m, standard deviation of what an image's force tells, the robot's position included
+        # Standard deviation of the depth from one image, including the robot's position [m].
         self._depth_noise = depth_noise
         self.begun = False
-        self.centre = np.zeros(3)  # where the state holds [m]
+        self.centre = np.zeros(3)  # position of the centre to which the state belongs [m]
         self._state, self._covariance = np.zeros(10), np.zeros((10, 10))
         self.bend = np.zeros((3, 3))  # K [1/m]
 
@@ -32,15 +33,15 @@ class SurfaceFilter:
         return self._state[NORMAL]
 
     def reset(self, depth: float, normal: np.ndarray, centre: np.ndarray, noise: float) -> None:
-        """Begin with a depth [m] and a normal (3,) at a centre (3,) [m]; noise [rad]."""
+        """Start with a depth [m] and a normal (3,) at a centre (3,) [m]; noise of normal [rad]."""
         self.begun, self.centre = True, centre
         self._state = np.concatenate([[depth], normal, np.zeros(6)])
         self._covariance = np.diag([self._depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3
-                                   + [25.0**2] * 6)  # 1/m, of balls of 40 mm
+                                   + [25.0**2] * 6)  # 1/m: spheres of radius 40 mm
         self._unpack()
 
     def update(self, depth: float, normal: np.ndarray, centre: np.ndarray, noise: float) -> None:
-        """Take a depth [m] and a normal (3,) that were felt at a centre (3,) [m]; noise [rad]."""
+        """Update with depth [m] and normal (3,) at a centre (3,) [m]; noise of normal [rad]."""
         step = centre - self.centre
         way = float(np.sqrt(step @ step))
         transition = IDENTITY.copy()
@@ -49,8 +50,8 @@ class SurfaceFilter:
         transition[DEPTH, BEND] = 0.5 * step @ along
         state = transition @ self._state
         covariance = transition @ self._covariance @ transition.T
-        change = 10.0**2 * way  # of the curvature [1/m] in a metre
-        # The force may follow a way along the normal by half of it more or less.
+        change = 10.0**2 * way  # variance of a curvature that changes by 10 1/m in a metre
+        # The depth may change by half of the motion along the normal more or less than predicted.
         spread = np.repeat([(0.5 * (self.normal @ step))**2, 0.3 * change * way**2, change],
                            [1, 3, 6])
         covariance[range(10), range(10)] += spread
@@ -58,7 +59,7 @@ class SurfaceFilter:
         errors = np.array([self._depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3)
         innovation, expected = felt - state[:4], covariance[:4, :4] + np.diag(errors)
         surprise = float(innovation @ np.linalg.solve(expected, innovation))
-        if surprise > 40.0:  # of four numbers: an edge, or another surface
+        if surprise > 40.0:  # chi-square of four numbers: an edge, or another surface
             self.reset(depth, normal, centre, noise)
             return
         gain = np.linalg.solve(expected, covariance[:4]).T
@@ -75,7 +76,7 @@ class SurfaceFilter:
         self.bend[_ROWS, _COLUMNS] = self.bend[_COLUMNS, _ROWS] = self._state[BEND]
 
     def predict(self, centre: np.ndarray) -> tuple[float, np.ndarray]:
-        """Depth [m] and unit normal (3,) with the centre at a position (3,) [m]."""
+        """Predict depth [m] and unit normal (3,) for the centre at a position (3,) [m]."""
         step = centre - self.centre
         change = self.bend @ step
         normal = self.normal + change
@@ -83,13 +84,13 @@ class SurfaceFilter:
         return depth, normal / np.sqrt(normal @ normal)
 
     def bend_std(self, way: np.ndarray) -> float:
-        """Standard deviation of the curvature along a unit vector (3,) [1/m]."""
+        """Return the standard deviation of the curvature along a unit vector (3,) [1/m]."""
         six = way @ _along(way)
         return float(np.sqrt(max(six @ self._covariance[BEND, BEND] @ six, 0.0)))
 
 
 def _along(step: np.ndarray) -> np.ndarray:
-    """Change of the normal (3, 6) by the six numbers of the curvature, along a step (3,)."""
+    """Return the Jacobian (3, 6) of the normal by the six elements of K, for a step (3,)."""
     x, y, z = step
     return np.array([[x, 0.0, 0.0, y, z, 0.0], [0.0, y, 0.0, x, 0.0, z],
                      [0.0, 0.0, z, 0.0, x, y]])

@@ -1,4 +1,4 @@
-"""Ways over a surface: where to go next from a contact, whatever the surface."""
+"""Paths over an unknown surface: the direction of travel at each contact."""
 import math
 from typing import NamedTuple, Protocol
 
@@ -7,28 +7,32 @@ import numpy as np
 from tactile_common.polyline import arc_length, nearest_on_polyline, resample
 
 SPACING = 2.5e-4  # m between the points of a planned path
-STEEP = 0.2  # cosine of the angle to the first normal, beyond which a pattern cannot go
+STEEP = 0.2  # smallest cosine between the normal and the first normal, or the plane of a Line
 
 
 class Step(NamedTuple):
-    """Where to go: unit vector (3,) in the surface, and how fast at most [m/s]."""
+    """Direction of travel and largest speed at a contact."""
 
-    way: np.ndarray
-    top: float
-    left: float  # of the path [m], infinite where it has no end
+    way: np.ndarray  # (3,), unit vector in the surface
+    top: float  # largest speed [m/s]
+    left: float  # remaining length of the path [m], infinite if it has no end
 
 
 class SurfacePath(Protocol):
-    """A way over a surface; points and inward normals (3,) in the base frame."""
+    """A path over a surface; points and inward normals (3,) are in the base frame."""
 
     def step(self, point: np.ndarray, normal: np.ndarray, gain: float,
              speed: float) -> Step | None:
-        """Where to go from a contact; None where the path cannot go on."""
+        """
+        Compute the next step from a contact; None if the path cannot continue.
+
+        The path is approached at a rate `gain` [1/s], at a speed [m/s].
+        """
         ...
 
 
 class Line:
-    """Along a direction, in the plane of it and of the first normal: round a cylinder too."""
+    """Path in the plane of a direction and the first normal; it can go round a cylinder."""
 
     def __init__(self, point: np.ndarray, normal: np.ndarray, direction: np.ndarray):
         self._start = point
@@ -36,7 +40,7 @@ class Line:
 
     def step(self, point: np.ndarray, normal: np.ndarray, gain: float,
              speed: float) -> Step | None:
-        """Where to go from a contact; None where the plane does not cut the surface."""
+        """Compute the next step; None if the surface is almost parallel to the plane."""
         across = self._across
         way = np.cross(across, normal)
         size = math.sqrt(way @ way)
@@ -63,13 +67,13 @@ class PlanarPath:
 
     def step(self, point: np.ndarray, normal: np.ndarray, gain: float,
              speed: float) -> Step | None:
-        """Where to go from a contact; None where the surface is too steep to see the path."""
+        """Compute the next step; None if the surface is too steep against the first normal."""
         ahead, aside, inward = self._frame
         facing = float(inward @ normal)
         if facing < STEEP:
             return None
         x, y, _ = self._frame @ (point - self._start)
-        # Within 5 mm ahead, never back: outside a corner its two legs are equally near.
+        # Only up to 5 mm ahead, never back: outside a corner both legs are equally near.
         at = nearest_on_polyline(self._plan[:, 0], self._plan[:, 1], self._stations, x, y,
                                  self._station, self._station + 5e-3)
         self._station = max(at.station, self._station)
@@ -84,7 +88,7 @@ class PlanarPath:
 
 
 def raster(size_x: float, size_y: float, step_over: float) -> np.ndarray:
-    """Rows along x (N, 2) over a rectangle about the origin, from which it begins [m]."""
+    """Return rows along x (N, 2) over a rectangle around the origin, where they begin [m]."""
     count = int(size_y / step_over + 1e-9) + 1
     radius, x = 0.5 * step_over, 0.5 * size_x
     points, first = [(0.0, 0.0)], -0.5 * step_over * (count - 1)
@@ -99,7 +103,7 @@ def raster(size_x: float, size_y: float, step_over: float) -> np.ndarray:
 
 
 def spiral(radius: float, step_over: float) -> np.ndarray:
-    """Spiral of Archimedes (N, 2) about the origin, outwards to a radius [m]."""
+    """Return an Archimedean spiral (N, 2) from the origin outwards to a radius [m]."""
     turns = radius / step_over
     angles = np.linspace(0.0, 2.0 * np.pi * turns, max(int(turns * 120), 8))
     away = step_over * angles / (2.0 * np.pi)
@@ -108,18 +112,18 @@ def spiral(radius: float, step_over: float) -> np.ndarray:
 
 def seen_along(points: np.ndarray, point: np.ndarray, normal: np.ndarray,
                direction: np.ndarray) -> np.ndarray:
-    """Points (N, 3) as a plan (N + 1, 2) from the first contact, seen along its normal."""
+    """Project points (N, 3) along the first normal: a plan (N + 1, 2) from the first contact."""
     ahead = _unit(_tangent(direction, normal))
     axes = np.stack([ahead, np.cross(normal, ahead)])
     return np.vstack([np.zeros(2), (points - point) @ axes.T])
 
 
 def _speeds(plan: np.ndarray, stations: np.ndarray, acceleration: float) -> np.ndarray:
-    """Speeds (N,) at which every bend can be taken and braked for, 0 at the end [m/s]."""
+    """Return speeds (N,) that allow to brake for and follow every bend; 0 at the end [m/s]."""
     chord = np.diff(plan, axis=0)
     heading = np.unwrap(np.arctan2(chord[:, 1], chord[:, 0]))
     spacing = stations[1] - stations[0]
-    # Over three points, or a path of chords would be a chain of corners.
+    # The curvature is averaged over three points: a path of chords is no chain of corners.
     bend = np.zeros(len(plan))
     bend[1:-1] = abs(np.diff(heading)) / spacing
     bend = np.convolve(np.pad(bend, 1, 'edge'), np.full(3, 1.0 / 3.0), 'valid')
@@ -134,7 +138,7 @@ def _tangent(direction: np.ndarray, normal: np.ndarray) -> np.ndarray:
     direction = np.asarray(direction, dtype=float)
     direction = direction / math.sqrt(direction @ direction)
     along = direction - normal * (direction @ normal)
-    if along @ along < 1e-4:  # along the normal: any way is as good
+    if along @ along < 1e-4:  # parallel to the normal: any direction will do
         along = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.7 else [0.0, 1.0, 0.0])
     return along
 

@@ -5,7 +5,7 @@ import math
 
 from tactile_servo.types import Timing
 
-# Shares of a period.
+# EARLY to AHEAD are shares of a period.
 EARLY = 0.8  # before an expected image: the timer leaves a cycle due from then on to the image
 LATE = 0.3  # after an expected image: the timer waits until then
 LEAST = 0.5  # least time between the starts of two cycles
