@@ -70,7 +70,7 @@ def apart(one: np.ndarray, other: np.ndarray, length: float) -> float:
 @njit(cache=True)
 def _judge(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count: int,
            measured: np.ndarray, since: float, enough: float, length: float) -> tuple[float, bool]:
-    """Return the robot's distance from its path [m], and whether it stands."""
+    """Return the robot's distance from its path [m], and whether it is at rest."""
     return (_away(times, sent, count, measured, since, length),
             _stands(times, sent, measured_then, count, measured, since, enough, length))
 
@@ -97,7 +97,7 @@ def _away(times: np.ndarray, sent: np.ndarray, count: int, measured: np.ndarray,
 def _stands(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count: int,
             measured: np.ndarray, until: float, enough: float, length: float) -> bool:
     """
-    Return whether the robot stands although it was commanded to move.
+    Return whether the robot is at rest although it was commanded to move.
 
     It was commanded by `enough` [m] until a time, and has moved by no more than a fifth of that.
     """

@@ -32,7 +32,7 @@ from tactile_servo.state_times import StateTimes
 from tactile_servo.track_statistics import TrackStatistics
 from tactile_servo.types import State
 
-SOUND_FORCE = 0.5  # share of the goal's force, at which `press_depth` starts to count anew
+SOUND_FORCE = 0.5  # share of the goal's force above which `press_depth` counts from the pose then
 SETTLE = 0.1  # s from the end of the last command until the robot is at rest
 NEAR = 5.0  # times `following_distance`: only a robot this near is sent to its measured position
 BESIDE = 0.1  # largest share of images beside the tracked feature for a success
@@ -45,8 +45,8 @@ class GoalRun:
     One goal, from its acceptance to its end.
 
     In every cycle the first row of `RULES`, below, whose guard gives a reason fires. When a hold
-    begins nothing more is commanded, and the last window ends at rest. Once the robot stands, it
-    is sent to its measured position, so that no older command can move it any more.
+    begins, no more motion is commanded, and the last window ends at rest. Once the robot is at
+    rest, it is sent to its measured position, so that no older command can move it any more.
 
     Attributes
     ----------
@@ -132,7 +132,7 @@ class GoalRun:
                 return
 
     def _standstill(self, phase: Phase) -> Reason | None:
-        """Return why the robot must stand still, whatever the law observes, or None."""
+        """Return why the robot must stop, independently of the law, or None."""
         if self._paused:
             return Reason(ReasonCode.PAUSED)
         inputs = self._inputs
@@ -369,7 +369,7 @@ class GoalRun:
         return Event.LIFT
 
     def _stand(self) -> None:
-        """Request a command to the position where the robot stands."""
+        """Request a command to the measured position, where the robot is at rest."""
         self._stays, off = True, self._off()
         following = self._config.input.following_distance
         if off > following:

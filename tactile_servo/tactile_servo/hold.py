@@ -16,7 +16,7 @@ class Hold:
     """
     Cause of a hold, and conditions of its end. Its phases are those of the state machine.
 
-    A cause in BINDING remains the cause, even if other problems follow.
+    Once the hold is `bound`, later problems do not change its cause, except `stray`.
     """
 
     resumption: Event  # continues what the hold interrupted
@@ -35,7 +35,7 @@ class Hold:
             self.cause, self.bound = why, elsewhere or why.code in BINDING
 
     def stray(self, off: float) -> None:
-        """Bind the hold because the robot stands at a distance [m] from its commanded pose."""
+        """Bind the hold because the robot is at a distance [m] from its commanded pose."""
         self.bound, self.cause = True, Reason(
             ReasonCode.NOT_FOLLOWING, f'it stands {1e3 * off:.1f} mm from where it was sent')
 

@@ -158,7 +158,7 @@ class JournaledSupervisor(Supervisor):
 
 def ask_again(servo: Supervisor, call: int, time: float, value: int, text: str) -> None:
     """
-    Repeat a recorded call of a servo; only calls from START on.
+    Repeat a recorded call of a servo, one of those from `Call.START` on.
 
     TactileError if the servo refuses the call, as it did in the recording.
     """

@@ -18,8 +18,8 @@ class Phase(Enum):
     SEARCH = auto()
     RETREAT = auto()
     SETTLING = auto()  # hold: the robot executes its last command
-    WAITING = auto()  # hold: the robot stands, and continues by itself if the cause ends soon
-    ASKED = auto()  # hold: the robot stands, and continues only when asked
+    WAITING = auto()  # hold: the robot is at rest, and continues by itself if the cause ends soon
+    ASKED = auto()  # hold: the robot is at rest, and continues only when asked
     UNLOADING = auto()  # hold: the pad lifts off and then waits
     STOPPING = auto()  # the goal ends where the pad is; the robot executes its last command
     DONE = auto()
@@ -40,7 +40,7 @@ class Event(Enum):
     CORNER = auto()  # the law is at a corner
     SEARCH = auto()  # the law searches
     HOLD = auto()  # there is a problem; or unloading has ended
-    STAND = auto()  # the robot stands
+    STAND = auto()  # the robot is at rest
     BIND = auto()  # from now on the hold ends only when asked
     UNLOAD = auto()  # the hold lasts long: lift the pad off during it
     RESUME = auto()  # continue, with one of the next three events
@@ -50,7 +50,7 @@ class Event(Enum):
     END = auto()  # the goal ends: LIFT if the goal asks for it, else STOP
     LIFT = auto()  # the goal ends: lift off if that is possible, else STOP
     STOP = auto()  # the goal ends where the pad is
-    REST = auto()  # the robot stands at the end of a goal
+    REST = auto()  # the robot is at rest at the end of a goal
     FINISH = auto()  # the result has been read
     REPORT = auto()  # only the reason changes
 

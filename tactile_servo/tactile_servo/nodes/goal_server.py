@@ -14,7 +14,7 @@ from tactile_servo.conversions import ACTIONS
 from tactile_servo.reasons import GoalRefused, Reason
 from tactile_servo.supervisor import Supervisor
 
-FEEDBACK_PERIOD = 0.05  # s; the status topic has every cycle
+FEEDBACK_PERIOD = 0.05  # s; the status topic is faster
 
 
 @dataclass(eq=False)
