@@ -1,1 +1,1 @@
-"""Servo laws, and the registry of them."""
+"""Servo laws and their registry."""

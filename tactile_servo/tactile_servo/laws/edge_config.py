@@ -1,4 +1,4 @@
-"""What a user knows of robot, skin and task, for the law 'trace'."""
+"""User settings of robot, skin and task for the law 'trace'."""
 
 from dataclasses import dataclass, field
 
@@ -15,7 +15,7 @@ class SpeedConfig:
 
 @dataclass(frozen=True)
 class PathConfig:
-    """How closely a path is followed."""
+    """Accuracy with which a path is followed."""
 
     lateral_gain: float = bounded(
         30.0, "rate at which the pad's distance from the traced edge is made up", '1/s',
@@ -52,7 +52,7 @@ class AttitudeConfig:
 
 @dataclass(frozen=True)
 class EdgeFollowingConfig:
-    """What a user knows of robot, skin and task, for the law 'trace'."""
+    """User settings of robot, skin and task for the law 'trace'."""
 
     speed: SpeedConfig = field(default_factory=SpeedConfig)
     path: PathConfig = field(default_factory=PathConfig)

@@ -1,4 +1,4 @@
-"""Where an edge is, from a contact estimate: the inverse model of the thesis (5.1), (5.6)."""
+"""Pose of an edge from a contact estimate: the inverse model of the thesis (5.1), (5.6)."""
 
 from dataclasses import dataclass
 import math
@@ -10,8 +10,8 @@ from tactile_sensing.types.contact import Reason as ContactReason
 from tactile_sensing.types.moments import Moments
 from tactile_servo.control.scaling import ramp
 
-# Second moment along the edge, relative to that of an edge across the whole pad, from which its
-# rise is not known
+# Relative difference of the second moment along the edge from that of an edge across the whole
+# pad, from which on the tilt is unknown
 UNEVEN = 0.15
 
 
@@ -22,21 +22,21 @@ class EdgeFeatures:
     lateral: float  # distance from the centre of the pad, positive towards +x [m]
     yaw: float  # rad
     force: float  # on the pad [N]
-    # How far the centre of pressure stands ahead of the pad's centre along +y, negative once the
-    # edge ends ahead [m].
+    # Position of the centre of pressure along +y from the pad's centre [m]. It moves backwards
+    # when the edge ends ahead.
     remaining: float
-    tilt: float = 0.0  # rise of the edge towards +y, by which the pad is not level with it [rad]
+    tilt: float = 0.0  # angle between pad and edge about x, positive if the edge rises to +y [rad]
 
 
 def edge_features(contact: Contact, array: TactelArray,
                   stiffness: float) -> tuple[EdgeFeatures | None, str]:
     """
-    Where the edge is, and otherwise why there is none.
+    Return the pose of the edge, or None and the reason.
 
-    A valid line is taken as fitted. Anything else that is elongated enough to be an edge (a
-    curve, a corner under the pad) is taken by its moments, as in (5.6).
+    A valid line is used as fitted. For any other contact that is elongated enough to be an edge
+    (a curve, a corner under the pad), the pose is computed from its moments, as in (5.6).
 
-    Half the array's size along y is the thesis' L, the stiffness [N/m] K_z of (5.5), total.
+    Half the array's size along y is the thesis' L. The stiffness is the total K_z of (5.5) [N/m].
     """
     moments, half = contact.moments, array.half_width_y
     remaining = moments.centre_of_pressure[1]
@@ -65,13 +65,13 @@ def edge_features(contact: Contact, array: TactelArray,
 
 def edge_tilt(moments: Moments, half_length: float, stiffness: float) -> float:
     """
-    Angle about x between pad and edge [rad], from the first moment along the edge (5.6).
+    Return the angle about x between pad and edge [rad], from the first moment along it (5.6).
 
-    A load that grows in proportion along the whole edge, k (z + theta y), has
-    My = K_z theta L^2 / 3 with K_z = 2 L k, and the second moment L^2 / 3 of an even one. Where
-    an edge ends, or turns under the pad, My says nothing of its rise, and the second moment
-    tells so: the angle counts in full where that is right, and not at all where it differs by
-    the fraction `UNEVEN`. `half_length` is the thesis' L [m], the stiffness K_z [N/m].
+    A load that is linear along the whole edge, k (z + theta y), has My = K_z theta L^2 / 3 with
+    K_z = 2 L k, and the second moment L^2 / 3 of a uniform load. If the edge ends or turns under
+    the pad, the second moment differs, and My does not measure the tilt. The weight of the angle
+    falls from 1, for the correct second moment, to 0 for a relative difference of `UNEVEN`.
+    `half_length` is the thesis' L [m], `stiffness` its K_z [N/m].
     """
     even = moments.m0 * half_length**2 / 3.0
     if not (even > 0.0 and math.isfinite(moments.my) and math.isfinite(moments.myy)):

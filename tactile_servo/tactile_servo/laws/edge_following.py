@@ -1,4 +1,4 @@
-"""Law 'trace': the edge is mapped where the robot was when each image was taken, and followed."""
+"""Law 'trace': maps the edge with the robot's pose at each image's stamp, and follows the map."""
 
 from dataclasses import dataclass, field
 import math
@@ -32,22 +32,22 @@ from tactile_servo.types import EdgeGoal, State, TaskError
 
 @dataclass
 class Going:
-    """Where the pad is."""
+    """Progress of the pad along the edge."""
 
-    here: float = 0.0  # station of the measured pad [m],
-    ahead: float = 0.0  # and of the commanded one
-    progress: float = 0.0  # way [m],
+    here: float = 0.0  # station of the measured pose [m]
+    ahead: float = 0.0  # station of the commanded pose [m]
+    progress: float = 0.0  # distance travelled [m]
     stall: Stall = field(default_factory=Stall)
-    begun: bool = False  # the pad moves along the edge,
-    pressed: bool = False  # and has pressed enough to see all of it
+    begun: bool = False  # True once the pad moves along the edge
+    pressed: bool = False  # True once the force was large enough to show the whole edge
 
 
 class EdgeFollowing:
     """
-    Follow the edge that the images drew, with the robot's own pose.
+    Follow the edge mapped from images, using the robot's own pose.
 
-    The points of every image are put into a plane fixed in the base by the pose at the image's
-    stamp, so that latency only ages what is seen ahead and is no part of the loop.
+    The points of every image are transformed into a plane fixed in the base, with the pose at the
+    image's stamp. Latency therefore delays only the view ahead; it is not part of the loop.
     """
 
     name: ClassVar[str] = 'trace'
@@ -71,71 +71,71 @@ class EdgeFollowing:
         self._find()
 
     def _find(self) -> None:
-        """Take it that the edge is seen."""
+        """Return to following, with the edge visible."""
         self._mode: Mode = Following()
         self._searching = Searching()
         self._reaching = ReachingDown(self.servo.force.press_depth)
 
     def retune(self, config: EdgeFollowingConfig) -> None:
-        """Take other gains from now on."""
+        """Use new gains from now on."""
         self.config = config
         self._motion.retune(config)
 
     @property
     def error(self) -> TaskError | None:
-        """Where the edge lies, as last observed; None before."""
+        """Newest observed error of the pad at the edge; None before the first."""
         return self.sight.error
 
     @property
     def stiffness(self) -> float:
-        """Of skin, finger and robot along the normal [N/m]."""
+        """Total stiffness of skin, finger and robot along the normal [N/m]."""
         return self.config.force.stiffness
 
     def depth(self, force: float) -> float:
-        """Depth [m] that a force [N] stands for, on the length that is under the pad."""
+        """Return the indentation [m] for a force [N], with the edge length under the pad."""
         return self._motion.depth(force)
 
     @property
     def unfelt(self) -> float:
-        """How much harder the pad presses, by its depth, than images tell [N]."""
+        """Force expected from the pad's depth, minus the force seen in images [N]."""
         return self.stiffness * self.sight.press.unexplained
 
     def validate(self, goal: EdgeGoal) -> Refusal | None:
-        """Why a goal is beyond this law, or None."""
+        """Return why this law cannot execute a goal, or None."""
         if goal.closed and goal.length > 0.0:
             return Refusal(ReasonCode.INVALID_GOAL, 'a closed contour has no length; let it be 0')
         return refuse_edge_goal(goal)
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
-        """Forget the last goal and take a new one."""
+        """Forget the last goal and start a new one."""
         self._forget(goal)
 
     def resume(self) -> None:
-        """Go on from a standstill, with the edge known so far."""
+        """Continue from a standstill, with the edge known so far."""
         self._motion.reset()
         self.sight.press.forget()
         self._going.stall.seen, self._going.pressed = None, False
         self._mode, self._searching = Following(), Searching()
 
     def observe(self, observation: Observation) -> None:
-        """Take an image; or a contact, whose fitted line tells the force better than a sum."""
+        """Process an image, or a contact: its fitted force is more accurate than the image's."""
         if observation.image is None:
             if observation.contact is not None:
                 self.sight.refine(observation, observation.contact)
             return
         pose, going = observation.pose(), self._going
-        # Until the pad goes along, the path is drawn anew with every image.
+        # Until the pad moves along the edge, every image begins a new path.
         if pose is not None and self.sight.see(observation, pose, going.ahead, not going.begun):
             going.ahead = going.here = self.sight.edge.station
 
     def lacks(self, now: float) -> Reason | None:
-        """What keeps the law from tracking, or None."""
+        """Return what prevents the law from tracking, or None."""
         if now - self.sight.shown < self.servo.input.stale_image:
             return None
         return self.sight.problem or Reason(ReasonCode.EDGE_LOST)
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
-        """Decide whether to go on."""
+        """Decide whether to continue."""
         self._going.progress = progress
         return within_goal(self.goal, self._laps, progress, self._assess(now, progress, load))
 
@@ -144,13 +144,13 @@ class EdgeFollowing:
         path, scale = edge.path, edge.scale
         if self._stalled(now, progress):
             return Assessment(State.DONE, Reason(ReasonCode.NO_PROGRESS), lift=True)
-        # Longer than the supervisor waits: of images that stop alone.
+        # Longer than the supervisor's own timeout, which handles missing images.
         if now - self.sight.looked > 1.5 * self.servo.input.stale_image:
             return Assessment(State.HOLD, Reason(ReasonCode.STALE_IMAGE))
         if edge.closed and path.closing is not None and going.here >= path.closing:
             return Assessment(State.DONE, Reason(ReasonCode.CONTOUR_CLOSED), True)
         lacking, touching = self.lacks(now), load >= self.servo.approach.contact_force
-        # A lightly pressed pad touches a crest only, and an edge seems to end beside it.
+        # A lightly pressed pad touches only the highest part, so the edge seems to end early.
         going.pressed = going.pressed or self.sight.load.force >= 0.6 * self.goal.force
         if path.end is PathEnd.RIDGE and going.ahead >= path.tip - END_MARGIN * scale.grain and (
                 going.pressed or lacking is not None):
@@ -169,13 +169,13 @@ class EdgeFollowing:
         return self._search(self._searching)
 
     def _stalled(self, now: float, progress: float) -> bool:
-        if not isinstance(self._mode, Following):  # the other modes end by themselves
+        if not isinstance(self._mode, Following):  # the other modes have their own limits
             self._going.stall = Stall()
         return self._going.stall.see(
             now, progress, 0.5 * self.sight.edge.scale.grain, self.goal.speed)
 
     def _at_end(self, progress: float, touching: bool) -> Assessment:
-        """Decide where the ridge ends: coast over a gap, go down a step, or end."""
+        """Decide at the end of the ridge: coast over a gap, go down a step, or end."""
         scale, coasting = self.sight.edge.scale, self._coasting
         unseen = self._motion.speed * self.sight.age
         if not coasting.over(scale, unseen) and (touching or coasting.begun(scale)):
@@ -186,17 +186,17 @@ class EdgeFollowing:
         return self._reach_down() or ended(self.goal, progress, 2.0 * scale.half)
 
     def _reach_down(self) -> Assessment | None:
-        """Go down for contact while the depth allows it, else None."""
+        """Move down to find contact; return None if the allowed depth is reached."""
         return None if self._reaching.over else self._search(self._reaching)
 
     def _search(self, mode: Mode) -> Assessment:
         self._mode = mode
-        self.sight.press.forget()  # what is found may lie deeper
+        self.sight.press.forget()  # the edge found next may lie deeper
         return Assessment(State.SEARCH, mode.reason)
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
                   dt: float) -> Reference:
-        """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
+        """Return the reference for the measured and the commanded pose (4, 4) of the sensor."""
         edge, going, motion = self.sight.edge, self._going, self._motion
         stand = edge.stand(pose, commanded, going.here, going.ahead, motion.soon())
         going.begun = True
@@ -210,5 +210,5 @@ class EdgeFollowing:
         return Reference(twist, motion.speed, heading)
 
     def result(self) -> LawResult:
-        """Whether the contour closed, and the edge in the base frame."""
+        """Return whether the contour closed, and the edge in the base frame."""
         return LawResult(self.sight.edge.closed, self.sight.edge.contour())

@@ -1,4 +1,4 @@
-"""What every law that follows an edge asks of its goal."""
+"""Checks and ends of goals that all edge-following laws share."""
 
 import math
 
@@ -9,7 +9,7 @@ from tactile_servo.types import EdgeGoal, State
 
 
 def refuse_edge_goal(goal: EdgeGoal) -> Refusal | None:
-    """Why a goal makes no sense, or None."""
+    """Return why a goal is invalid, or None."""
     if not 0.0 <= goal.length < math.inf:
         return Refusal(ReasonCode.INVALID_GOAL,
                        f'length {goal.length:g} is negative or not finite')
@@ -19,7 +19,7 @@ def refuse_edge_goal(goal: EdgeGoal) -> Refusal | None:
 
 
 def within_goal(goal: EdgeGoal, laps: LapGuard, progress: float, found: Assessment) -> Assessment:
-    """End a goal that is going well once its length is reached, or the contour cannot close."""
+    """Return `found`, or the end if the length is reached or the contour cannot close."""
     if found.state is not State.HOLD and 0.0 < goal.length <= progress:
         return Assessment(State.DONE, Reason(ReasonCode.LENGTH_REACHED), True)
     problem = '' if goal.length or found.state in (State.HOLD, State.DONE) else (
@@ -28,6 +28,11 @@ def within_goal(goal: EdgeGoal, laps: LapGuard, progress: float, found: Assessme
 
 
 def ended(goal: EdgeGoal, progress: float, shortest: float) -> Assessment:
-    """End where the edge ends: a success if none but that was asked for, and it was an edge."""
+    """
+    End the goal at the end of the edge.
+
+    It is a success if the goal has no length and is not closed, and `progress` exceeds `shortest`
+    [m].
+    """
     asked = goal.length == 0.0 and not goal.closed
     return Assessment(State.DONE, Reason(ReasonCode.EDGE_ENDED), asked and progress > shortest)

@@ -1,4 +1,4 @@
-"""What a pad does along an edge, at its end and where it is lost."""
+"""Modes of a pad along an edge, at its end and after its loss."""
 
 from typing import NamedTuple, Protocol
 
@@ -10,44 +10,44 @@ from tactile_servo.laws.edge_motion import EdgeMotion, SEARCH
 from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason, ReasonCode
 
-END_MARGIN = 1.5  # grains before the end of a ridge from which the pad coasts
+END_MARGIN = 1.5  # distance before the end of a ridge at which coasting begins [grains]
 STILL = np.zeros(3)
 
 
 class Wanted(NamedTuple):
     """Motion in the frame of the plane."""
 
-    velocity: tuple[float, float]  # in the plane [m/s],
-    normal: float  # along its normal,
-    turn: np.ndarray  # (3,) [rad/s]
+    velocity: tuple[float, float]  # in the plane [m/s]
+    normal: float  # velocity along the plane's normal [m/s]
+    turn: np.ndarray  # (3,), angular velocity [rad/s]
 
 
 class Mode(Protocol):
-    """One thing that a pad does."""
+    """One mode of motion."""
 
     @property
     def reason(self) -> Reason:
-        """What to call it."""
+        """Reason that is reported in this mode."""
         ...
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
-        """Motion of the next cycle."""
+        """Return the motion of the next cycle."""
         ...
 
 
 class Following:
-    """Along the edge, with its force."""
+    """Move along the edge with the wanted force."""
 
     reason = Reason(ReasonCode.TRACKING)
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
-        """Motion of the next cycle."""
+        """Return the motion of the next cycle."""
         return Wanted(motion.along(stand, agility, dt), motion.press(stand, dt),
                       motion.turn(stand, dt))
 
 
 class Coasting:
-    """Straight on from the end of a ridge, to where it goes on beyond a gap."""
+    """Move straight on from the end of a ridge, across a possible gap."""
 
     reason = Reason(ReasonCode.COASTING)
 
@@ -55,24 +55,24 @@ class Coasting:
         self._way = 0.0
 
     def begun(self, scale: PadScale) -> bool:
-        """Whether the end of the ridge is not reached yet."""
+        """Return True until the end of the ridge is reached."""
         return self._way <= END_MARGIN * scale.grain
 
     def over(self, scale: PadScale, unseen: float) -> bool:
-        """Whether images show that the edge has passed; the last way [m] they do not show yet."""
-        # It began that margin before the end, which is known to no less; 1.42 halves on, the edge
-        # has passed from under the pad, corner to corner.
+        """Return True if the edge has left the pad; images lag behind by `unseen` [m]."""
+        # Coasting began one margin before the end, and the end is uncertain by one margin. After
+        # another 1.42 halves (a half diagonal) the edge has left the pad in any direction.
         return self._way - unseen >= 1.42 * scale.half + 2.0 * END_MARGIN * scale.grain
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
-        """Motion of the next cycle."""
+        """Return the motion of the next cycle."""
         velocity = motion.along(stand, agility, dt, may_lift=True)
         self._way += motion.speed * dt
         return Wanted(velocity, motion.press(stand, dt, may_press=False), STILL)
 
 
 class Searching:
-    """To where the pressure is."""
+    """Move towards the pressure."""
 
     reason = Reason(ReasonCode.SEARCHING)
 
@@ -80,20 +80,20 @@ class Searching:
         self._way = 0.0
 
     def over(self, scale: PadScale) -> bool:
-        """Whether it has gone too far."""
+        """Return True if the search has gone too far."""
         return self._way > 1.18 * scale.half
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
-        """Motion of the next cycle."""
+        """Return the motion of the next cycle."""
         speed, pull = min(SEARCH, motion.goal.speed), motion.sight.edge.picture.pull
-        assert pull is not None  # it is left where there is none
+        assert pull is not None  # without a pull the law does not search
         self._way += speed * dt
         x, y = pull.tolist()
         return Wanted(motion.aside(speed * x, speed * y, dt), 0.0, STILL)
 
 
 class ReachingDown:
-    """Down for contact along the pad's own normal, as deep as allowed [m] from where it began."""
+    """Move down along the pad's normal to find contact, by at most `deepest` [m]."""
 
     reason = Reason(ReasonCode.REACHING_DOWN)
 
@@ -103,17 +103,17 @@ class ReachingDown:
 
     @property
     def over(self) -> bool:
-        """Whether the pad is as deep as it may go: a tenth is left for the stop."""
+        """True if the allowed depth is reached; a tenth is reserved for the stop."""
         return self._depth > 0.9 * self._deepest
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
-        """Motion of the next cycle."""
+        """Return the motion of the next cycle."""
         there = stand.there
         self._begin = there.copy() if self._begin is None else self._begin
         way, normal = (there - self._begin)[:3, 3], self._begin[:3, 2]
         self._depth = float(way @ normal)
         x, y = motion.aside(0.0, 0.0, dt)
         down = motion.touch_speed(max(self._deepest - self._depth, 0.0))
-        # While it still goes on, a pad that is inclined comes deeper by that as well.
+        # While the pad still moves in the plane, this changes the depth of an inclined pad too.
         return Wanted((x, y), (down - x * normal.item(0) - y * normal.item(1)) / normal.item(2),
                       STILL)

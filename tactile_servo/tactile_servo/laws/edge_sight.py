@@ -1,4 +1,4 @@
-"""What images and contacts say of the edge that a pad follows."""
+"""Observation of the followed edge from images and contacts."""
 
 import math
 from typing import NamedTuple
@@ -16,30 +16,31 @@ from tactile_servo.types import EdgeGoal, TaskError
 
 
 class Load(NamedTuple):
-    """What an image says of the load along an edge."""
+    """Load along an edge in one image."""
 
     force: float = 0.0  # N
-    length: float = 0.0  # of the edge on the pad [m]
-    coming: float = 0.0  # length that is about to come under the pad all at once [m]
+    length: float = 0.0  # length of the edge under the pad [m]
+    coming: float = 0.0  # length that is about to reach the pad suddenly [m]
 
 
 class EdgeSight:
     """
-    The edge as images have shown it since a goal began.
+    Edge as seen in the images since the start of a goal.
 
     Attributes
     ----------
     looked, shown : float
-        Steady times of the last usable image, and of the last that shows the edge [s].
+        Steady times of the last usable image, and of the last image that shows the edge [s].
     age : float
-        Of the images, running mean [s].
+        Running mean of the images' age [s].
     problem : Reason or None
         Why the last image does not show the edge.
     load : Load
     height, station : float
-        Of the pad as the newest image was taken, along the plane's normal [m], and on the path.
+        Height of the pad along the plane's normal [m] and its station on the path [m], both at
+        the newest image.
     slope : float
-        Rise of the edge along itself.
+        Slope of the edge against the plane, along the path.
     error : TaskError or None
     press : PressCheck
     """
@@ -53,7 +54,7 @@ class EdgeSight:
         self.error: TaskError | None = None
 
     def refine(self, observation: Observation, contact: Contact) -> None:
-        """Take a contact, whose fitted line tells the force better than a sum."""
+        """Take the force of a contact's fitted line, which is more accurate than a sum."""
         picture, load = self.edge.picture, self.load
         if (picture is not None and observation.stamp_ns == picture.stamp_ns
                 and contact.force_valid and contact.type == ContactType.LINE
@@ -63,10 +64,10 @@ class EdgeSight:
     def see(self, observation: Observation, pose: np.ndarray, ahead: float,
             anew: bool) -> bool:
         """
-        Take an image at a pose (4, 4); whether a path begins with it.
+        Process an image taken at a pose (4, 4); return True if a new path begins with it.
 
-        `ahead` is the station of the commanded pad [m]. The path is drawn `anew` while the pad
-        does not go along it.
+        `ahead` is the station of the commanded pose [m]. With `anew` a new path begins in any
+        case; this is used until the pad moves along it.
         """
         edge, direction = self.edge, self._goal.direction
         assert observation.image is not None

@@ -1,4 +1,4 @@
-"""Law 'jacobian_rate', the thesis': in the sensor's plane, by J^-1 dF as a rate (6.3, 6.5)."""
+"""Law 'jacobian_rate' of the thesis: moves in the sensor's plane, J^-1 dF as rate (6.3, 6.5)."""
 from dataclasses import dataclass, field
 import math
 from typing import ClassVar
@@ -24,25 +24,25 @@ class RateConfig:
 
 @dataclass(frozen=True)
 class JacobianRateConfig(SurfaceConfig):
-    """What a user knows of probe, robot and task."""
+    """User settings of probe, robot and task."""
 
     thesis: RateConfig = field(default_factory=RateConfig)
 
 
 class JacobianRate(SurfaceLaw):
-    """Follow a surface as the thesis does."""
+    """Follow a surface with the law of the thesis."""
 
     name: ClassVar[str] = 'jacobian_rate'
     config_type: ClassVar[type] = JacobianRateConfig
     config: JacobianRateConfig
 
     def normal(self, commanded: np.ndarray, dt: float) -> np.ndarray:
-        """Normal (3,) of the newest image."""
+        """Return the inward normal (3,) of the newest image."""
         return self.felt.normal
 
     def twist(self, normal: np.ndarray, way: np.ndarray, pose: np.ndarray,
               commanded: np.ndarray, agility: Agility, dt: float) -> np.ndarray:
-        """Twist (6,) of V_d in the sensor plane (6.5), and J^-1 dF (6.3) as a rate."""
+        """Return the twist (6,) of V_d in the sensor plane (6.5) plus J^-1 dF (6.3) as a rate."""
         twist, ahead = np.zeros(6), commanded[:3, :3].T @ way
         twist[:2] = self._motion.speed * ahead[:2] / max(math.hypot(ahead[0], ahead[1]), 1e-9)
         dx, dy, dz = self.config.thesis.gain * (self.felt.error - self._going.aim.error)

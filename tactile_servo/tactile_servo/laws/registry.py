@@ -1,4 +1,4 @@
-"""The servo laws there are: one row each, and nothing else knows one by its name."""
+"""Registry of servo laws: one row each, the only place that refers to them by name."""
 
 from typing import Any, NamedTuple
 
@@ -14,10 +14,10 @@ from tactile_servo.laws.surface_following import SurfaceFollowing
 class Row(NamedTuple):
     """A servo law."""
 
-    law: type[ServoLaw]  # made of a ServoConfig and its `config_type`
-    action: str  # that takes its goals, see `tactile_servo.conversions.ACTIONS`
-    closes_contours: bool = False  # whether it tracks a contour until that closes
-    maps_surface: bool = False  # whether its `touch` says where a surface is
+    law: type[ServoLaw]  # constructed from a ServoConfig and its `config_type`
+    action: str  # action that accepts its goals, see `tactile_servo.conversions.ACTIONS`
+    closes_contours: bool = False  # True if it can track a contour until it closes
+    maps_surface: bool = False  # True if its `touch` gives points of the surface
 
 
 _ROWS = (
@@ -31,7 +31,7 @@ DEFAULT: str = _ROWS[0].law.name
 
 
 def law_named(name: str) -> Row:
-    """Row of a law; ConfigurationError if there is none of that name."""
+    """Return the row of a law; raise a ConfigurationError for an unknown name."""
     if name not in LAWS:
         raise ConfigurationError(f'law: {name!r} is not one of {", ".join(LAWS)}')
     return LAWS[name]
@@ -39,9 +39,9 @@ def law_named(name: str) -> Row:
 
 def law_for(action: str, name: str | None = None) -> str:
     """
-    Name of the law for the goals of an action: the given one, else the first that takes them.
+    Return the law's name for an action: the given one, or the first that accepts its goals.
 
-    ConfigurationError if there is none of that name, or it takes the goals of another action.
+    Raises a ConfigurationError if the name is unknown or the law belongs to another action.
     """
     able = [law for law, row in LAWS.items() if row.action == action]
     if name and law_named(name).action != action:
@@ -52,5 +52,5 @@ def law_for(action: str, name: str | None = None) -> str:
 
 
 def make_law(name: str, servo: ServoConfig, settings: Any = None) -> ServoLaw:
-    """Make a law, with its parameters or the defaults of these, as `law_named`."""
+    """Construct a law with its settings or their defaults; raises as `law_named` does."""
     return law_named(name).law(servo, settings)

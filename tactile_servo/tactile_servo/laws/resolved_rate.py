@@ -1,4 +1,4 @@
-"""The thesis' inverse-model servo: resolved-rate control on contact parameters (5.3, 5.4)."""
+"""Law 'resolved_rate', the thesis' resolved-rate control on contact parameters (5.3, 5.4)."""
 
 from dataclasses import dataclass, field
 import math
@@ -22,12 +22,12 @@ from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
-# Of the gain at which a loop through images of the measured age would swing: every T_seg is at
-# least so long that its gain is no larger.
+# Largest gain, as a share of the stability limit for the measured age of the images; every T_seg
+# is at least the inverse of this gain.
 LIMIT_SHARE = 0.4
 # Largest speeds: across the edge and along the normal [m/s], about the normal and about x [rad/s]
 ACROSS, PRESS, TURN, TILT = 0.1, 0.02, 2.0, 0.3
-OVERFORCE = 1.5  # of the wanted force, beyond which the goal ends
+OVERFORCE = 1.5  # times the wanted force, above which the goal ends
 UNKNOWN = EdgeFeatures(math.nan, math.nan, math.nan, math.nan)
 
 
@@ -60,7 +60,7 @@ class AlongConfig:
 
 @dataclass(frozen=True)
 class ResolvedRateConfig:
-    """Gains of the law 'resolved_rate': every error is to vanish within its T_seg of (5.3)."""
+    """Gains of the law 'resolved_rate': every error is to be corrected within its T_seg (5.3)."""
 
     speed: AlongConfig = field(default_factory=AlongConfig)
     position: PositionConfig = field(default_factory=PositionConfig)
@@ -68,30 +68,30 @@ class ResolvedRateConfig:
 
 
 def alignment_scale(features: EdgeFeatures, half_width: float) -> float:
-    """Slow down as the edge nears the border of the pad, where it would be lost: 0 to 1."""
+    """Return a speed factor, 0 to 1, that falls as the edge approaches the border of the pad."""
     return ramp(abs(features.lateral) / half_width, 1.0, 0.5)
 
 
 def contact_scale(features: EdgeFeatures, force: float) -> float:
-    """Slow down while the pad presses with too little of the force: 0 to 1."""
+    """Return a speed factor, 0 to 1, that falls as the force becomes too small."""
     return ramp(features.force / force, 0.0, 0.5)
 
 
 def edge_twist(features: EdgeFeatures, speed: float, force: float, config: ResolvedRateConfig,
                shortest: float = 0.0) -> np.ndarray:
     """
-    Twist that drives X_a to X_d: dX = (X_f - X_a) / T_seg dt of (5.3).
+    Return the twist that drives X_a to X_d: dX = (X_f - X_a) / T_seg dt of (5.3).
 
-    Force becomes position through the stiffness, z_a = P / K_z (5.6 with K_z a total
-    stiffness). Every component is bounded, since a rate without bound is what (5.3) asks for
-    as t nears T_seg.
+    The stiffness converts force to position, z_a = P / K_z (5.6, where K_z is the total
+    stiffness). Every component is bounded, because the rate of (5.3) is unbounded as t approaches
+    T_seg.
 
     Parameters
     ----------
     speed, force : float
-        Along the sensor's y, signed [m/s]; wanted normal force [N].
+        Signed speed along the sensor's y [m/s], and wanted normal force [N].
     shortest : float
-        Least T_seg that every one is raised to [s].
+        Lower bound of every T_seg [s].
 
     Returns
     -------
@@ -105,18 +105,18 @@ def edge_twist(features: EdgeFeatures, speed: float, force: float, config: Resol
     return np.array([
         rate(features.lateral, across.segment_time, ACROSS), speed,
         rate((force - features.force) / press.stiffness, press.segment_time, PRESS),
-        # More load ahead means that the edge rises: the pad is turned away from it there, slowly,
-        # for the moment along the edge is noisy.
+        # A larger load ahead means that the edge rises there: turn the pad's front away from it.
+        # This is slow, because the moment along the edge is noisy.
         rate(-features.tilt, 0.2, TILT), 0.0,
         rate(features.yaw, across.segment_time, TURN)])
 
 
 class ResolvedRate:
     """
-    What the newest contact says is servoed to where it should be.
+    Control the features of the newest contact towards their wanted values.
 
-    The age of the images is part of its loops, so it lengthens T_seg with their age: `shortest`
-    is the least for which they do not come too late [s].
+    The age of the images is a dead time in the control loops, so T_seg increases with it:
+    `shortest` is the least T_seg with a sufficient margin of stability [s].
     """
 
     name: ClassVar[str] = 'resolved_rate'
@@ -125,8 +125,8 @@ class ResolvedRate:
     sees_images: ClassVar[bool] = False
     near: ClassVar[float] = 1.0
     touch: Touch | None = None
-    goal: EdgeGoal  # since `begin`, as well as
-    _array: TactelArray
+    goal: EdgeGoal  # set by `begin`
+    _array: TactelArray  # set by `begin`
 
     def __init__(self, servo: ServoConfig, config: ResolvedRateConfig | None = None):
         self.servo, self.config = servo, config or ResolvedRateConfig()
@@ -138,18 +138,18 @@ class ResolvedRate:
         self._press = PressCheck()
 
     def retune(self, config: ResolvedRateConfig) -> None:
-        """Take other gains from now on."""
+        """Use new gains from now on."""
         self.config = config
 
     def validate(self, goal: EdgeGoal) -> Refusal | None:
-        """Why a goal is beyond this law, or None."""
+        """Return why this law cannot execute a goal, or None."""
         if goal.closed:
             return Refusal(ReasonCode.UNSUPPORTED_GOAL,
                            'closed contours are not tracked without a map of them')
         return refuse_edge_goal(goal)
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
-        """Forget the last goal and take a new one."""
+        """Forget the last goal and start a new one."""
         self.goal, self._array = goal, sensor.array
         self.features, self._problem, self._begun = UNKNOWN, '', True
         self.error = None
@@ -159,20 +159,20 @@ class ResolvedRate:
         self.resume()
 
     def resume(self) -> None:
-        """Go on from a standstill."""
+        """Continue from a standstill."""
         self._speed = 0.0
         self._press.forget()
 
     def observe(self, observation: Observation) -> None:
-        """Take a contact."""
+        """Process a contact."""
         if observation.contact is None:
             return
         limits, arrival = self.servo.input, observation.arrival
-        # On average it is acted upon half of the time later that the next one takes to come.
+        # A contact is used until the next one: add half of this interval to its age, on average.
         age = observation.age + 0.5 * clipped(arrival - self._looked, 0.0, limits.stale_image)
         self._age += AGE_SHARE * (min(age, limits.max_stamp_age) - self._age)
-        # What is committed, half of the control period in which the velocity changes then, and a
-        # robot with 2.5 ms of dead time and 10 ms of lag.
+        # Add the committed time and half a control period, in which the velocity changes. The
+        # robot is assumed to have 2.5 ms of dead time and 10 ms of lag.
         delay = self._age + self.servo.motion.committed + 0.5 / self.servo.rate + 2.5e-3
         self.shortest = 1.0 / (LIMIT_SHARE * gain_limit(delay, 10e-3))
         self._looked = arrival
@@ -184,7 +184,7 @@ class ResolvedRate:
             self.features, self._shown = features, arrival
             self.error = TaskError(features.lateral, angle=features.yaw, force=features.force)
             self._compare_depth(observation, features)
-        if self.features is not UNKNOWN:  # until the next one this stays, whatever the speed
+        if self.features is not UNKNOWN:  # the speed along the edge is added in `reference`
             self._twist = edge_twist(self.features, 0.0, self.goal.force, self.config,
                                      self.shortest)
             self._slowed = min(alignment_scale(self.features, self._array.half_width_x),
@@ -194,7 +194,7 @@ class ResolvedRate:
         contact, pose = observation.contact, observation.pose()
         if contact is None or pose is None or not (contact.valid and contact.force_valid):
             return
-        if contact.type == ContactType.LINE:  # K_z = 2 L k: whatever length is under the pad
+        if contact.type == ContactType.LINE:  # with K_z = 2 L k, independent of the length on it
             up = [0.0, math.sin(features.tilt), math.cos(features.tilt)]
             length = 2.0 * self._array.half_width_y
             self._press.see(
@@ -203,31 +203,31 @@ class ResolvedRate:
 
     @property
     def stiffness(self) -> float:
-        """Of skin, finger and robot along the normal, K_z of (5.5) [N/m]."""
+        """Total stiffness of skin, finger and robot along the normal, K_z of (5.5) [N/m]."""
         return self.config.force.stiffness
 
     @property
     def touch_speed(self) -> float:
-        """Speed at which the force loop would press a pad that feels nothing yet [m/s]."""
+        """Speed at which the force loop would move a pad without contact [m/s]."""
         return self.goal.force / (self.config.force.stiffness * self.shortest)
 
     def depth(self, force: float) -> float:
-        """Depth [m] that a force [N] stands for."""
+        """Return the depth [m] for a force [N]."""
         return force / self.stiffness
 
     @property
     def unfelt(self) -> float:
-        """How much harder the pad presses, by its depth, than images tell [N]."""
+        """Force expected from the pad's depth, minus the force seen in images [N]."""
         return self.stiffness * self._press.unexplained
 
     def lacks(self, now: float) -> Reason | None:
-        """What keeps the law from tracking, or None."""
+        """Return what prevents the law from tracking, or None."""
         if now - self._shown < self.servo.input.stale_image:
             return None
         return Reason(ReasonCode.EDGE_LOST, self._problem)
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
-        """Decide whether to go on."""
+        """Decide whether to continue."""
         self._progress = progress
         return within_goal(self.goal, self._laps, progress, self._assess(now, progress, load))
 
@@ -246,7 +246,7 @@ class ResolvedRate:
         shortest = 2.0 * array.half_width_y
         if ahead < -0.35 * array.half_width_y and progress > shortest:
             aside = abs(self.features.lateral)
-            if aside > 0.1 * array.half_width_x:  # it may have missed a turn of the edge
+            if aside > 0.1 * array.half_width_x:  # the pad may have missed a turn of the edge
                 return Assessment(State.DONE, Reason(
                     ReasonCode.ENDED_BESIDE, f'{1e3 * aside:.1f} mm'))
             return ended(goal, progress, shortest)
@@ -254,7 +254,7 @@ class ResolvedRate:
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
                   dt: float) -> Reference:
-        """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
+        """Return the reference for the measured and the commanded pose (4, 4) of the sensor."""
         goal, twist = self.goal, self._twist.copy()
         self._speed = slewed(self._speed, self._slowed * goal.speed,
                              self.config.speed.acceleration * dt)
@@ -264,5 +264,5 @@ class ResolvedRate:
         return Reference(twist, self._speed, heading)
 
     def result(self) -> LawResult:
-        """Nothing beyond the poses of the sensor."""
+        """Return an empty result: this law maps nothing."""
         return LawResult()

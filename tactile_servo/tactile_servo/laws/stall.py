@@ -1,4 +1,4 @@
-"""Time that a law tracks without progress."""
+"""Time for which a law tracks without progress."""
 
 from dataclasses import dataclass
 import math
@@ -8,17 +8,17 @@ STALL_TIME = 5.0  # s without progress
 
 @dataclass
 class Stall:
-    """Time without progress. Time in holds is not counted, and a hold does not reset it."""
+    """Time without progress. A hold does not count and does not reset it."""
 
-    reached: float = -math.inf  # last progress [m]
-    lasting: float = 0.0  # time since then, without holds [s]
+    reached: float = -math.inf  # progress at the last reset [m]
+    lasting: float = 0.0  # time since the last reset, without holds [s]
     seen: float | None = None  # steady time of the last cycle [s], None after a hold
 
     def see(self, now: float, progress: float, advance: float, speed: float) -> bool:
         """
-        Take the progress [m]; True if for `STALL_TIME` it has not grown by `advance` [m].
+        Process the progress [m]; return True if it grew by less than `advance` in `STALL_TIME`.
 
-        At a slow `speed` [m/s] half of the way that was asked for is enough.
+        At a slow `speed` [m/s], half of the wanted distance is enough in place of `advance` [m].
         """
         advance = min(advance, 0.5 * speed * STALL_TIME)
         if progress > self.reached + advance:

@@ -1,4 +1,4 @@
-"""What a user knows of probe, robot and task, for the laws that follow a surface."""
+"""User settings of probe, robot and task for the laws that follow a surface."""
 from dataclasses import dataclass, field
 
 from tactile_common.config import bounded
@@ -7,7 +7,7 @@ from tactile_common.errors import ConfigurationError
 
 @dataclass(frozen=True)
 class ProbeConfig:
-    """The round probe."""
+    """Geometry and stiffness of the round probe."""
 
     skin_radius: float = bounded(0.027, 'of the surface of the skin', 'm', 1e-3, 1.0)
     array_radius: float = bounded(0.025, 'of the sphere of the tactels', 'm', 1e-3, 1.0)
@@ -27,7 +27,7 @@ class ProbeConfig:
 
 @dataclass(frozen=True)
 class JacobianConfig:
-    """Where the Jacobian comes from."""
+    """Source of the Jacobian."""
 
     table: str = field(default='', metadata={
         'doc': 'file made by build_jacobian_table, whose nearest entry is taken; empty: the '
@@ -64,7 +64,7 @@ class RollConfig:
 
 @dataclass(frozen=True)
 class SurfaceConfig:
-    """What a user knows of probe, robot and task, for the laws that follow a surface."""
+    """User settings of probe, robot and task for the laws that follow a surface."""
 
     probe: ProbeConfig = field(default_factory=ProbeConfig)
     jacobian: JacobianConfig = field(default_factory=JacobianConfig)

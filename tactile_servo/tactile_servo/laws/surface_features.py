@@ -1,4 +1,4 @@
-"""What an image says of a contact on a round probe: place, force, normal."""
+"""Place, force and normal of a contact on a round probe, from an image."""
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
@@ -27,41 +27,41 @@ from tactile_servo.tactile_jacobian.jacobian import (
 )
 from tactile_servo.tactile_jacobian.table import JacobianTable
 
-BEYOND = 1.1  # of half the pad, up to which a contact is believed
+BEYOND = 1.1  # largest distance of a valid contact from the centre, as a share of half the pad
 
 
 class Told(NamedTuple):
-    """The contact that features tell of."""
+    """Contact computed from features."""
 
     force: float  # N
     place: np.ndarray  # (2,), on the pad [m]
-    error: np.ndarray  # (3,): J^-1 (F_d - F_a), on the pad and along the normal [m]
+    error: np.ndarray  # (3,), J^-1 (F_d - F_a): two on the pad, one along the normal [m]
 
 
 class Felt(NamedTuple):
-    """One image's contact: what its features tell, and where that is."""
+    """Contact of one image: the fields of `Told`, and its position in the base frame."""
 
     force: float
     place: np.ndarray
     error: np.ndarray
-    normal: np.ndarray  # (3,) inward, in the base frame
-    centre: np.ndarray  # (3,) of the probe [m]
+    normal: np.ndarray  # (3,), inward normal in the base frame
+    centre: np.ndarray  # (3,), centre of the probe [m]
     area: float  # root of the determinant of the image's variance [m^2]
 
 
 @dataclass
 class ContactSense:
-    """From images to contacts, by the difference of features and the Jacobian's inverse."""
+    """Compute contacts from images: feature differences times the inverse Jacobian."""
 
     array: TactelArray
     dome: Dome
     config: SurfaceConfig
-    force: float  # about which the Jacobian is taken [N]
+    force: float  # operating point of the Jacobian [N]
     table: JacobianTable | None = None
 
     def __post_init__(self) -> None:
         c = self.config
-        # An elastic foundation: the force grows with the square of the depth.
+        # On an elastic foundation the force is proportional to the square of the depth.
         self.stiffness = c.probe.stiffness * math.sqrt(self.force / REFERENCE)
         self._kind = kind_of(self.table)
         model = ModelFeatures(HalfSpaceDome(self.dome, self.array), self.array, self._kind)
@@ -73,13 +73,13 @@ class ContactSense:
             scale_for(self._kind, self.force, half, self.stiffness)).inverse
 
     def tell(self, features: np.ndarray) -> Told:
-        """Contact that features (3,) tell of."""
+        """Return the contact for features (3,)."""
         inverse = self.table.nearest(features).inverse if self.table else self._inverse
         error = inverse @ (self.centred - features)
         return Told(max(self.force - self.stiffness * error[2], 0.0), -error[:2], error)
 
     def look(self, image: TactileImage, pose: np.ndarray) -> Felt | Reason:
-        """Contact of an image at a pose (4, 4), or why there is none."""
+        """Return the contact of an image at a pose (4, 4), or the reason why there is none."""
         pressure = pressure_of(image, self.array)
         if isinstance(pressure, Reason):
             return pressure
@@ -96,22 +96,22 @@ class ContactSense:
                     pose[:3, 3] + rotation @ self.dome.centre, _area(pressure, self.array))
 
     def depth(self, force: float) -> float:
-        """How much deeper the probe presses than with the force of the Jacobian [m]."""
+        """Return the depth for a force, relative to the depth at the Jacobian's force [m]."""
         share = math.sqrt(force / self.force) - 1.0
         return 2.0 * self.force / self.stiffness * share
 
     def pressed(self, depth: float) -> float:
-        """Force at such a depth [N], of a probe that touches."""
+        """Return the force [N] at a depth relative to that at the Jacobian's force [m]."""
         return self.force * max(1.0 + 0.5 * self.stiffness * depth / self.force, 0.0)**2
 
 
 def kind_of(table: JacobianTable | None) -> FeatureKind:
-    """Which features stand for an image: those of the table, if there is one."""
+    """Return the kind of features: that of the table, or centroids without a table."""
     return table.kind if table else FeatureKind.CENTROID
 
 
 def pressure_of(image: TactileImage, array: TactelArray) -> np.ndarray | Reason:
-    """Pressure (rows, columns) without NaN [Pa] of an image, or why there is none."""
+    """Return the pressure (rows, columns) of an image without NaN [Pa], or a reason."""
     layer = next((one for one in image.layers if one.component == 'zz'), None)
     if layer is None or layer.unit != 'Pa' or layer.stress.shape != array.shape:
         return Reason(ReasonCode.BAD_IMAGE, 'no calibrated pressure of the known array')
@@ -121,7 +121,7 @@ def pressure_of(image: TactileImage, array: TactelArray) -> np.ndarray | Reason:
 
 
 def _area(pressure: np.ndarray, array: TactelArray) -> float:
-    """Root of the determinant of the variance of an image; 0 if it has none [m^2]."""
+    """Return the root of the determinant of an image's variance, at least 0 [m^2]."""
     m = image_moments(pressure, array)
     x, y = m.centre_of_pressure
     square = (m.mxx / m.m0 - x * x) * (m.myy / m.m0 - y * y) - (m.mxy / m.m0 - x * y)**2

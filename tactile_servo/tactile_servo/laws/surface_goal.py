@@ -1,4 +1,4 @@
-"""What a law that follows a surface is asked for, and what it has learnt."""
+"""Goal and result of the laws that follow a surface."""
 from dataclasses import dataclass, field
 from enum import IntEnum
 import math
@@ -8,12 +8,12 @@ import numpy as np
 from tactile_servo.law import LawResult, Refusal
 from tactile_servo.reasons import ReasonCode
 
-MAX_PATH = 100.0  # m of a pattern
-LINE_LENGTH = 0.06  # m of a line, where nobody says how long
+MAX_PATH = 100.0  # longest pattern [m]
+LINE_LENGTH = 0.06  # default length of a line [m]
 
 
 class Pattern(IntEnum):
-    """Ways over a surface; the numbers of TrackSurface.action."""
+    """Patterns of motion over a surface; the values are those of TrackSurface.action."""
 
     LINE = 0
     RASTER = 1
@@ -23,33 +23,33 @@ class Pattern(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class SurfaceGoal:
-    """What to track, as in TrackSurface.action."""
+    """Goal of surface tracking, as in TrackSurface.action."""
 
-    speed: float  # over the surface [m/s]
+    speed: float  # speed over the surface [m/s]
     force: float  # N
     pattern: Pattern | int = Pattern.LINE
     direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  # in the base frame, of any length
-    length: float = 0.0  # of a line [m]; 0 = until `duration`
-    duration: float = 0.0  # s after first contact; 0 = no bound
+    length: float = 0.0  # length of a line [m]; 0 = until `duration`
+    duration: float = 0.0  # time from first contact to the end [s]; 0 = unlimited
     size: tuple[float, float] = (0.0, 0.0)  # m
     step_over: float = 0.0  # m
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # base frame [m]
     features: str = ''  # name of taught features
-    retreat: bool = True  # at the end
-    client_timeout: float = 0.0  # s of the client's silence that ends it; 0 = none does
+    retreat: bool = True  # whether to lift off at the end
+    client_timeout: float = 0.0  # silence of the client that ends the goal [s]; 0 = unlimited
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceResult(LawResult):
-    """Contacts that were felt: points (N, 3) in `contour` and inward normals (N, 3)."""
+    """Measured contacts: points (N, 3) in `contour` and inward normals (N, 3)."""
 
     normals: np.ndarray | None = None
-    contact_kept: float = math.nan  # share of the images with contact
-    centre_rms: float = math.nan  # distance of the contact from where it was wanted [m]
+    contact_kept: float = math.nan  # share of the images that show a contact
+    centre_rms: float = math.nan  # RMS distance of the contact from its wanted place [m]
 
 
 def refuse_surface_goal(goal: SurfaceGoal) -> Refusal | None:
-    """Why a goal makes no sense, or None."""
+    """Return why a goal is invalid, or None."""
     numbers = [goal.length, goal.duration, *goal.size, goal.step_over]
     if not all(0.0 <= value < math.inf for value in numbers):
         return _invalid('length, duration, size and step_over must be finite and not negative')

@@ -1,4 +1,4 @@
-"""What the laws that follow a surface share: features of images, path, end, and what was felt."""
+"""Base class of the laws that follow a surface: image features, path, end and record."""
 import math
 from typing import ClassVar
 
@@ -29,17 +29,17 @@ from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.tactile_jacobian.table import load_table
 from tactile_servo.types import State, TaskError
 
-MET = 0.05  # of the force, the error from which it counts as met, and the probe goes
-OVERFORCE = 2.5  # times the force asked for, beyond which the goal ends, once it was met
+MET = 0.05  # relative error of the force at which it counts as reached, and motion begins
+OVERFORCE = 2.5  # times the wanted force, above which the goal ends once the force was reached
 
 
 class SurfaceLaw:
     """
-    Follow a surface with a round probe by features of its image (chapter 6).
+    Follow a surface with a round probe, using features of its image (chapter 6).
 
-    The difference of wanted and felt features, through the inverse of the tactile Jacobian, says
-    where on the pad the contact lies and how hard it presses. A law adds the `normal` and the
-    `twist` by which it goes on.
+    The difference of wanted and measured features, times the inverse of the tactile Jacobian,
+    gives the place of the contact on the pad and its force. Each law adds its `normal` and its
+    `twist`.
     """
 
     goal_type: ClassVar[type] = SurfaceGoal
@@ -47,7 +47,7 @@ class SurfaceLaw:
     sees_images: ClassVar[bool] = True
     near: ClassVar[float] = math.inf  # a contact may be anywhere on the pad
     touch_speed = math.inf
-    goal: SurfaceGoal  # since `begin`
+    goal: SurfaceGoal  # set by `begin`
     _sense: ContactSense
 
     def __init__(self, servo: ServoConfig, config: SurfaceConfig | None = None):
@@ -65,17 +65,17 @@ class SurfaceLaw:
             self.config, self._dome, self._surface, math.inf, servo.input.max_stamp_age)
 
     def retune(self, config: SurfaceConfig) -> None:
-        """Take other gains from now on."""
+        """Use new gains from now on."""
         self.config = config
         self._motion.retune(config)
 
     @property
     def stiffness(self) -> float:
-        """Of skin, finger and robot along the normal [N/m]."""
+        """Total stiffness of skin, finger and robot along the normal [N/m]."""
         return self.config.probe.stiffness
 
     def validate(self, goal: SurfaceGoal) -> Refusal | None:
-        """Why a goal is beyond this law, or None."""
+        """Return why this law cannot execute a goal, or None."""
         try:
             taught = self._lessons.named(goal.features, goal.force)
         except ConfigurationError as error:
@@ -86,11 +86,11 @@ class SurfaceLaw:
         return refuse_surface_goal(goal)
 
     def teach(self, name: str, image: TactileImage, array: TactelArray) -> str:
-        """Keep the features of an image by a name, see `Lessons.take`."""
+        """Store the features of an image under a name, see `Lessons.take`."""
         return self._lessons.take(name, image, array, self.servo.approach.contact_force)
 
     def begin(self, goal: SurfaceGoal, sensor: SensorInfo) -> None:
-        """Forget the last goal and take a new one."""
+        """Forget the last goal and start a new one."""
         self.goal, self.error = goal, None
         self._sense = ContactSense(sensor.array, self._dome, self.config, goal.force, self._table)
         self._going = Going(wanted_contacts(
@@ -101,13 +101,13 @@ class SurfaceLaw:
             self.config, self._dome, self._surface, sensor.array.half_width_x, self._motion.age)
 
     def resume(self) -> None:
-        """Go on from a standstill, along the same path."""
+        """Continue from a standstill, along the same path."""
         self._motion.stand()
         self._press.forget()
         self._going.stall.seen = None
 
     def observe(self, observation: Observation) -> None:
-        """Take an image."""
+        """Process an image."""
         if observation.image is None:
             return
         pose, going = observation.pose(), self._going
@@ -126,8 +126,8 @@ class SurfaceLaw:
         self.error = TaskError(float(off[0]), float(off[1]), force=felt.force)
         aside = math.hypot(*felt.place)
         share = min(self.goal.force / max(felt.force, 1e-6), 20.0)
-        # Of the contact's place: standard deviation, friction's part included, and a share of its
-        # distance from the pad's centre.
+        # Standard deviation of the contact's place: one part includes friction, the other grows
+        # with the distance from the pad's centre.
         angle = math.hypot(1e-4 * share, 0.03 * aside) / self._dome.array_radius
         going.met = going.met or abs(felt.force - going.aim.force) < MET * going.aim.force
         take = self._surface.update if self._surface.begun else self._surface.reset
@@ -135,28 +135,28 @@ class SurfaceLaw:
         if tracking:
             self._press.see(felt.centre, felt.normal, self._sense.depth(felt.force),
                             abs(felt.force - going.aim.force) < MET * going.aim.force)
-            # A part of the print may lie beside the pad, or not be pressed yet.
+            # Otherwise a part of the print may lie beside the pad, or may not be pressed yet.
             whole = going.met and aside <= CENTRED * self._sense.array.half_width_x
             self._record.keep(
                 observation.stamp_ns, felt, float(off @ off), self._surface.normal, whole)
 
     def depth(self, force: float) -> float:
-        """Depth [m] that a force [N] stands for, from that of the goal."""
+        """Return the depth for a force [N], relative to the depth at the goal's force [m]."""
         return self._sense.depth(force)
 
     @property
     def unfelt(self) -> float:
-        """How much harder the probe presses, by its depth, than images tell [N]."""
+        """Force expected from the probe's depth, minus the force seen in images [N]."""
         return self._sense.pressed(self._press.unexplained) - self.goal.force
 
     def lacks(self, now: float) -> Reason | None:
-        """What keeps the law from tracking, or None."""
+        """Return what prevents the law from tracking, or None."""
         if now - self._going.shown < self.servo.input.stale_image:
             return None
         return self._going.problem or Reason(ReasonCode.CONTACT_LOST)
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
-        """Decide whether to go on."""
+        """Decide whether to continue."""
         found = self._assess(now, progress, load)
         self._going.over = found.state is State.DONE
         return found
@@ -188,7 +188,7 @@ class SurfaceLaw:
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
                   dt: float) -> Reference:
-        """Wanted motion from the measured and the commanded pose (4, 4) of the sensor."""
+        """Return the reference for the measured and the commanded pose (4, 4) of the sensor."""
         going, motion = self._going, self._motion
         normal = self.normal(commanded, dt)
         point = motion.centre_of(commanded) + self._dome.skin_radius * normal
@@ -210,23 +210,23 @@ class SurfaceLaw:
     @property
     def felt(self) -> Felt:
         """Newest contact."""
-        assert self._going.felt is not None  # or the law would lack it
+        assert self._going.felt is not None  # otherwise `lacks` prevents tracking
         return self._going.felt
 
     def normal(self, commanded: np.ndarray, dt: float) -> np.ndarray:
-        """Inward normal (3,) by which the probe goes on from a commanded pose (4, 4)."""
+        """Return the inward normal (3,) for the motion from a commanded pose (4, 4)."""
         raise NotImplementedError
 
     def twist(self, normal: np.ndarray, way: np.ndarray, pose: np.ndarray,
               commanded: np.ndarray, agility: Agility, dt: float) -> np.ndarray:
-        """Twist (6,) of the sensor in its own frame along a way (3,) at a normal (3,)."""
+        """Return the twist (6,) in the sensor's frame, for a direction (3,) and a normal (3,)."""
         raise NotImplementedError
 
     @property
     def touch(self) -> Touch | None:
-        """Where the surface was touched last, None before."""
+        """Last measured point of the surface, or None."""
         return self._record.newest
 
     def result(self) -> SurfaceResult:
-        """Contacts that were felt."""
+        """Return the measured contacts."""
         return self._record.result()

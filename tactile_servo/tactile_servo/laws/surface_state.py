@@ -1,4 +1,4 @@
-"""What a law that follows a surface has in mind: the state of one goal, and what was felt."""
+"""State of a law that follows a surface: progress of one goal and record of its contacts."""
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 import math
@@ -25,17 +25,17 @@ from tactile_servo.reasons import Reason
 class Going:
     """State of one goal."""
 
-    wanted: Sequence[Told] = ()  # contacts, to go from one to the next
+    wanted: Sequence[Told] = ()  # wanted contacts, from first to last
     felt: Felt | None = None  # newest contact
-    shown: float = -math.inf  # steady time of it [s]
-    problem: Reason | None = None  # of the newest image
+    shown: float = -math.inf  # steady time of the newest contact [s]
+    problem: Reason | None = None  # why the newest image shows no contact
     begun: float | None = None  # steady time of first contact [s]
     path: SurfacePath | None = None
-    met: bool = False  # whether the force was met once
-    end: Assessment | None = None  # what the path has come to
-    over: bool = False  # whether the goal has ended: what is felt on lifting off is no surface
+    met: bool = False  # True once the force was reached
+    end: Assessment | None = None  # set when the path has ended
+    over: bool = False  # True after the goal: contacts during lift-off are not recorded
     stall: Stall = field(default_factory=Stall)
-    aim: Told = field(init=False)  # the contact that is wanted now
+    aim: Told = field(init=False)  # contact that is wanted now
 
     def __post_init__(self) -> None:
         if self.wanted:
@@ -44,24 +44,25 @@ class Going:
 
 @dataclass
 class Record:
-    """What was felt over the whole goal."""
+    """Contacts measured during the whole goal."""
 
     probe: ProbeConfig
     points: list[np.ndarray] = field(default_factory=list)  # (3,) [m]
     normals: list[np.ndarray] = field(default_factory=list)
-    images: int = 0
-    kept: int = 0
-    pressed: int = 0  # with the whole print on the pad
-    area: float = 0.0  # of the print, running mean [m^2]
-    square: float = 0.0  # of the contact's distance from where it is wanted [m^2]
+    images: int = 0  # number of images
+    kept: int = 0  # images with contact
+    pressed: int = 0  # images with the whole print on the pad
+    area: float = 0.0  # running mean of `Felt.area` [m^2]
+    square: float = 0.0  # sum of the squared distances of the contact from its wanted place [m^2]
     newest: Touch | None = None
 
     def keep(self, stamp_ns: int, felt: Felt, off: float, normal: np.ndarray,
              whole: bool) -> None:
         """
-        Take a contact, its squared distance from where it is wanted [m^2], the inward normal.
+        Record a contact.
 
-        The normal (3,) is the filtered one; `whole`, whether all of the print is felt.
+        `off` is the squared distance from its wanted place [m^2], `normal` (3,) the filtered
+        inward normal. `whole` is True if the whole print is measured.
         """
         self.kept += 1
         self.square += off
@@ -69,7 +70,7 @@ class Record:
             return
         self.pressed += 1
         self.area += max(0.02, 1.0 / self.pressed) * (felt.area - self.area)
-        if self.pressed < 20:  # the print does not say yet how deep the skin is pressed
+        if self.pressed < 20:  # the mean area is not accurate enough for the deflection
             return
         point = felt.centre + (self.probe.skin_radius - self._deflection(felt.force)) * normal
         self.newest = Touch(stamp_ns, point, normal.copy())
@@ -79,18 +80,19 @@ class Record:
 
     def _deflection(self, force: float) -> float:
         """
-        Indentation of the skin [m], told by the size of its print.
+        Return the indentation of the skin [m], from the size of its print.
 
-        On an elastic foundation P = pi / 2 k d a b, a and b the half axes of the patch; the
-        variance of its pressure is a^2 / 6 and b^2 / 6. It is larger on what curves more.
+        On an elastic foundation P = pi / 2 k d a b, with the half axes a and b of the patch. The
+        variances of its pressure are a^2 / 6 and b^2 / 6. The indentation is larger on surfaces
+        of larger curvature.
         """
-        # The variance of an image is less than the mean of x^2 of what presses by 2 mm^2: of the
-        # default probe, by finite elements.
+        # The variance of an image is smaller than that of the pressure on the skin by 2 mm^2
+        # (default probe, finite elements).
         area = max(self.area + 2.0e-6, 1e-6)
         return force / (3.0 * math.pi * self.probe.modulus * area)
 
     def result(self) -> SurfaceResult:
-        """Contacts that were felt."""
+        """Return the recorded contacts."""
         if not self.points:
             return SurfaceResult()
         return SurfaceResult(
@@ -101,7 +103,7 @@ class Record:
 
 def plan_path(goal: SurfaceGoal, point: np.ndarray, normal: np.ndarray,
               acceleration: float) -> SurfacePath:
-    """Way of a goal from its first contact (3,) and inward normal (3,) there."""
+    """Return the path of a goal from its first contact (3,) and the inward normal (3,) there."""
     direction = np.array(goal.direction, dtype=float)
     if goal.pattern == Pattern.LINE:
         return Line(point, normal, direction)

@@ -1,4 +1,4 @@
-"""Desired features that were shown to the probe, by the names that goals give them (6.4.1)."""
+"""Desired features that were taught to the probe, under names that goals refer to (6.4.1)."""
 from collections.abc import Sequence
 import math
 import re
@@ -13,12 +13,12 @@ from tactile_servo.reasons import Reason
 from tactile_servo.tactile_jacobian.features import FeatureKind, features_of
 
 NAME = re.compile(r'[A-Za-z0-9_-]{1,40}')
-MOST = 100  # that are kept
-APART = 1.5  # factor of the goal's force, within which taught ones must be
+MOST = 100  # largest number of names
+APART = 1.5  # largest factor between the taught force and the goal's
 
 
 class Lessons:
-    """Features that were shown, by name, as long as the servo runs."""
+    """Taught features by name, kept while the servo runs."""
 
     def __init__(self, kind: FeatureKind):
         self._kind = kind
@@ -26,9 +26,10 @@ class Lessons:
 
     def take(self, name: str, image: TactileImage, array: TactelArray, least: float) -> str:
         """
-        Keep what an image shows, from a force of `least` [N] on; returns what that is.
+        Store the features of an image under a name and return a description of them.
 
-        ConfigurationError if it cannot be kept.
+        Raises a ConfigurationError if the name is invalid, the memory is full, the image is
+        unusable, or its force is below `least` [N].
         """
         if not NAME.fullmatch(name):
             raise ConfigurationError(
@@ -47,9 +48,10 @@ class Lessons:
 
     def named(self, text: str, force: float) -> list[np.ndarray]:
         """
-        Features of a goal of a `force` [N]: none, those of a name, or of several to go through.
+        Return the features (3,) for the comma-separated names in `text`; none for an empty text.
 
-        ConfigurationError if one is not known, or too far from that force.
+        Raises a ConfigurationError if a name is unknown, or if its taught force differs from the
+        goal's `force` [N] by more than the factor `APART`.
         """
         names = [name.strip() for name in text.split(',')] if text else []
         for name in names:
@@ -66,12 +68,12 @@ class Lessons:
 
 
 def wanted_contacts(sense: ContactSense, features: Sequence[np.ndarray]) -> list[Told]:
-    """Contacts that features tell of; of none, the one at the pad's centre."""
+    """Return the contacts for features; without features, the one at the pad's centre."""
     return [sense.tell(shown) for shown in features or [sense.centred]]
 
 
 def between(wanted: Sequence[Told], share: float) -> Told:
-    """Contact that is wanted where a share of the way, 0 to 1, is gone: from one to the next."""
+    """Interpolate between the wanted contacts, at a share of the path from 0 to 1."""
     place = min(max(share, 0.0), 1.0) * (len(wanted) - 1)
     k = min(math.floor(place), len(wanted) - 2)
     if k < 0:
