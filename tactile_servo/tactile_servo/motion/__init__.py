@@ -1,1 +1,1 @@
-"""Robot motion: kinematics, limits, windows of joint trajectory."""
+"""Robot motion: kinematics, limits and windows of joint trajectory."""

@@ -1,4 +1,4 @@
-"""What the joints of a robot can, for those who plan the motion of its sensor."""
+"""Capability of a robot's joints, for planning the motion of its sensor."""
 
 import math
 from typing import NamedTuple, Protocol
@@ -7,20 +7,20 @@ import numpy as np
 
 
 class Pace(NamedTuple):
-    """How fast a robot's joints can follow a way, and how soon they can be faster or slower."""
+    """Speed and acceleration that a robot's joints allow along a path."""
 
-    speed: float = math.inf  # per unit of the way: m/s of one in metres, rad/s of a turn
-    acceleration: float = math.inf  # likewise, per second
+    speed: float = math.inf  # m/s for a direction per metre, rad/s for a turn per radian
+    acceleration: float = math.inf  # m/s^2 or rad/s^2
     bound: str = ''  # limit that bounds the speed, for instance 'position of joint1'
 
 
 class Agility(Protocol):
-    """What the joints can where the robot is commanded to be."""
+    """Capability of the joints at the commanded configuration."""
 
     def across(self) -> float:
-        """Acceleration of the sensor across its normal that all joints allow [m/s^2]."""
+        """Return the acceleration across the sensor's normal that all joints allow [m/s^2]."""
         ...
 
     def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
-        """Pace on a way, which is a twist (6,) of the sensor per unit, see `Motion.along`."""
+        """Return the pace along a direction, a unit twist (6,) of the sensor; `Motion.along`."""
         ...

@@ -1,25 +1,25 @@
-"""What the ages of joint states tell: whether the robot's clock is the servo's, and delays."""
+"""Clock agreement of robot and servo, and transport delays, from the ages of joint states."""
 
 import math
 
 
 class ClockCheck:
     """
-    Compare the stamps of joint states with the clock here, by the youngest of half a second.
+    Compare the stamps of joint states with the servo's clock, by the least age in half a second.
 
-    A window is played right by a controller whose clock is up to its own period behind; one
-    that is further ahead than what is committed begins to leave the motion that is meant.
+    The controller plays a window correctly if its clock is behind by up to its own period. If its
+    clock is ahead by more than the committed time, it begins to leave the intended motion.
     """
 
     def __init__(self) -> None:
         self._since = -math.inf
-        # Ages [s], of the last half second and of this.
+        # Ages [s]: of the last complete half second, and of the present one.
         self._youngest, self._running = math.inf, math.inf
         self._oldest, self._running_oldest = -math.inf, -math.inf
         self._newest_ns: int | None = None
 
     def see(self, stamp_ns: int, age: float, now: float) -> None:
-        """Take a joint state's stamp [ns] and the age that it had when it came, now [s]."""
+        """Process a joint state's stamp [ns] and its age on arrival; `now` is steady time [s]."""
         if stamp_ns == self._newest_ns:
             return
         self._newest_ns = stamp_ns
@@ -31,17 +31,17 @@ class ClockCheck:
 
     @property
     def agrees(self) -> bool:
-        """Whether both are one clock, as far as is known, and but for a joint state's way."""
+        """True if the clocks agree within the transport time of a joint state, or are unknown."""
         youngest = min(self._youngest, self._running)
         return -4e-3 <= youngest <= 2.5e-3
 
     @property
     def lateness(self) -> float:
         """
-        How much later than the first of them the last of the joint states came [s].
+        Difference between the largest and the least age of the joint states [s].
 
-        Of the last half to whole second; what holds them up on a machine without time for all its
-        processes holds up the commands as well.
+        It covers the last 0.5 to 1 s. On an overloaded machine, commands are delayed in the same
+        way as joint states.
         """
         return max(max(self._oldest, self._running_oldest)
                    - min(self._youngest, self._running), 0.0)

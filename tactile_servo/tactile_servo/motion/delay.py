@@ -1,4 +1,4 @@
-"""How long windows are on their way to the robot's controller, by what that says it plays."""
+"""Delay of windows on their way to the robot's controller, from the controller's state."""
 
 from collections import deque
 
@@ -7,25 +7,25 @@ import numpy as np
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.motion.window import committed, Window
 
-SAME = 1e-6  # rad; two motions that differ by less are one
-LATEST = 0.03  # s of delay that windows may be committed for
-PROBE = 5e-4  # rad/s: a window with no more is no jolt, however late it comes
+SAME = 1e-6  # largest difference of two equal positions [rad]
+LATEST = 0.03  # largest delay that windows are committed for [s]
+PROBE = 5e-4  # joint velocity that causes no jolt, however late a window comes [rad/s]
 
 
 class WindowDelay:
     """
-    The windows of a motion that the robot's controller has yet to play.
+    Measures how late the robot's controller plays the windows of a motion.
 
-    A window that differs from what is played is still on its way. The longest that one was holds
-    for all that follow, for where windows agree nothing tells. The first motion of a goal begins
-    no faster than `PROBE` until one of its windows is seen to be played.
+    A window is still on its way while the controller's reference differs from it. The longest
+    delay is kept for all later windows, because equal windows do not show their delay. The first
+    motion of a goal is not faster than `PROBE` until the controller plays one of its windows.
 
     Attributes
     ----------
     overdue : float
-        For how long the oldest window that is not played has been on its way [s].
+        Time for which the oldest window that is not yet played has been on its way [s].
     longest : float
-        That this has ever been [s].
+        Largest value of `overdue` in this goal [s].
     """
 
     def __init__(self) -> None:
@@ -33,7 +33,7 @@ class WindowDelay:
         self.forget()
 
     def forget(self) -> None:
-        """Begin a goal: of the delay nothing is known."""
+        """Begin a goal, with unknown delay."""
         self.longest, self._proved = 0.0, False
         self.begin()
 
@@ -45,7 +45,7 @@ class WindowDelay:
         self.overdue, self.probing = 0.0, self._heard and not self._proved
 
     def send(self, window: Trajectory) -> None:
-        """Take a window that is sent; one with stamp 0 is played whenever it comes."""
+        """Register a window that is sent; one with stamp 0 is played when it arrives."""
         if not window.stamp_ns:
             self.probing = False
             return
@@ -55,22 +55,22 @@ class WindowDelay:
         elif self._moved_ns is None:
             self._moved_ns = window.stamp_ns
         elif window.stamp_ns - self._moved_ns > 1e8:
-            self.probing = False  # for .1 s it has played something else
+            self.probing = False  # after 0.1 s without a played window
 
     def unsend(self) -> None:
-        """Take that the newest window was not sent after all."""
+        """Remove the newest window, which was not sent after all."""
         if self._sent:
             self._sent.pop()
 
     def see(self, reference: np.ndarray, stamp_ns: int) -> None:
-        """Take the positions (n,) [rad] that the controller commands for a time [ns]."""
+        """Process the positions (n,) [rad] that the controller commands for a time [ns]."""
         self._heard, awaited = True, 0.0
         for window in reversed(self._sent):
             since = 1e-9 * (stamp_ns - window.stamp_ns)
             if since < 0.0:
                 continue
             if since < window.times[0]:
-                return  # on its way to the first point the controller is left alone
+                return  # until a window's first point, the controller moves by its own spline
             assert window.velocities is not None
             there = committed(
                 Window(window.times, window.positions, window.velocities), since, 0.0)
@@ -78,7 +78,7 @@ class WindowDelay:
                 break
             awaited = since
         else:
-            self.overdue = 0.0  # it plays none of them: what it does is not known
+            self.overdue = 0.0  # the controller plays none of them: its state is unknown
             return
         if np.abs(reference - self._rest).max() > SAME:
             self.probing, self._proved = False, True
@@ -86,7 +86,7 @@ class WindowDelay:
 
     @property
     def learnt(self) -> tuple[float, float, bool, bool, bool]:
-        """What the controller's state has told, which a replay sets again."""
+        """Values learnt from the controller's state; a replay restores them."""
         return self.overdue, self.longest, self.probing, self._heard, self._proved
 
     @learnt.setter
@@ -95,6 +95,6 @@ class WindowDelay:
 
     @property
     def needed(self) -> float:
-        """How long a window must leave to the one before, if windows were late at all [s]."""
-        # With a period of the controller and one of its states.
+        """Time that a window must leave to the previous one; 0 if no window was late [s]."""
+        # Add a period of the controller and a period of its state messages.
         return min(self.longest + 4e-3, LATEST) if self.longest else 0.0

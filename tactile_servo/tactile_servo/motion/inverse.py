@@ -1,22 +1,23 @@
 """
-Joint velocities for a twist of the sensor, and the nearest ones within the joints' limits.
+Joint velocities for a twist of the sensor, and the nearest ones within the joint limits.
 
 `BoundedInverse` minimises ``(q - a - z)^T H (q - a - z)`` over joint velocities q within the
-limits (`JointLimits.reach`): `a` is the damped least squares solution of the twist, z moves a
-redundant arm away from its limits in its null space. With the weighted Jacobian ``G = W J``, its
-singular values s, right singular vectors v and the damping d (the turn about the sensor's normal,
-without which a pad feels the same, weighs YIELDING where no joint is to spare for it)
+limits (`JointLimits.reach`). Here `a` is the damped least-squares solution of the twist, and z
+moves a redundant arm away from its limits, in its null space. With the weighted Jacobian
+``G = W J``, its singular values s, right singular vectors v and the damping d,
 
     H = sum of max(s^2, d^2) v v^T + (TAKE_OVER d)^2 (I - sum of v v^T)
 
-so that away from singularities the cost is the squared weighted error of the twist. Where a + z
-lies within the bounds it is the solution, for the gradient is zero there.
+Away from singularities the cost is therefore the squared weighted error of the twist. For arms
+without redundancy the turn about the sensor's normal, which hardly changes an image, has the
+weight YIELDING in H. If a + z is within the bounds, it is the solution: the gradient is zero.
 
-Else up to three programs follow, each for what the last one gave, w, where that is not within its
-bounds. At a limit of position the other joints take over. A limit of velocity is met by going
-slower, then one of acceleration by taking longer: with p the velocities until now, errors along
-``y = w``, then ``y = w - p``, weigh EASED times as much. That is a task that is scaled,
-``q = w - y + share y``, with its share eliminated: a motion begins, turns and ends on its way.
+Otherwise up to three quadratic programs follow, for the limits of position, velocity and
+acceleration. Each starts from the last result w and is solved if w violates its bounds. At a
+position limit the other joints take over. At a velocity limit the motion becomes slower, at an
+acceleration limit it takes longer: errors along ``y = w`` or ``y = w - p`` (p: the present
+velocities) have the weight EASED. This is a scaled task, ``q = w - y + share y``, with its share
+eliminated, so that a motion starts, turns and stops on its path.
 """
 
 import math
@@ -28,38 +29,39 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_servo.motion.limits import ACCELERATION, JointLimits, Joints, KINDS, Reach, VELOCITY
 
-# Smallest singular value of the weighted Jacobian that is inverted in full [m/rad]: a small arm, a
-# PUMA 260, has 0.012 and more where it is well placed (`test_robot.py`).
+# Smallest singular value of the weighted Jacobian that is inverted without damping [m/rad]. A
+# small arm, the PUMA 260, has at least 0.012 at a good location (`test_robot.py`).
 DAMPING = 0.01
-ROTATION_LENGTH = 0.04  # m/rad, of a pad of some 25 mm and the finger that it is mounted on
-YIELDING = 0.1  # of its weight, a turn about the sensor's normal by six joints, one at its limit
-EASED = 1e-4  # squared errors along a motion that is slowed or delayed, against others
-TAKE_OVER = 0.5  # of the damping; weighs the null space, which is free to stand in for a joint
-PUSH = 4.0  # rad of a joint at its limit per metre of (weighted) way
-PUSH_SPEED = 0.1  # of a joint's velocity limit
+ROTATION_LENGTH = 0.04  # m/rad, for a pad of about 25 mm and the finger that carries it
+YIELDING = 0.1  # weight factor of a turn about the normal, for six joints with one at a limit
+EASED = 1e-4  # relative weight of squared errors along a motion that is slowed or delayed
+TAKE_OVER = 0.5  # relative to the damping: weight of the null space, free to replace a joint
+PUSH = 4.0  # motion of a joint at its limit per (weighted) metre of the sensor [rad/m]
+PUSH_SPEED = 0.1  # largest such velocity, as a share of the joint's velocity limit
 
 
 def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: float = DAMPING,
                          rotation_length: float = ROTATION_LENGTH) -> tuple[np.ndarray, float]:
     """
-    Joint velocities for a twist; exact away from singularities, bounded at them.
+    Return joint velocities for a twist, exact away from singularities and bounded near them.
 
     With ``W = diag(1, 1, 1, l, l, l)`` (l = `rotation_length`) and the singular values s of
-    ``W J``, this is ``dq = (W J)^T U diag(1 / max(s^2, damping^2)) U^T W twist``: the damping
-    factor ``lambda^2 = damping^2 (1 - (s / damping)^2)`` of Chiaverini, Siciliano and Egeland
-    (IEEE T-CST 2(2), 1994) with the size of the singular region equal to the damping,
-    applied to each singular direction of its own (their numerical filtering). Directions with
-    ``s >= damping`` therefore carry no velocity error, and ``|dq| <= |W twist| / damping``
-    always. A small rotation_length lets orientation give way before position does.
+    ``W J``, this is ``dq = (W J)^T U diag(1 / max(s^2, damping^2)) U^T W twist``. It is the
+    damping factor ``lambda^2 = damping^2 (1 - (s / damping)^2)`` of Chiaverini, Siciliano and
+    Egeland (IEEE T-CST 2(2), 1994), with the size of the singular region equal to the damping,
+    applied to each singular direction separately (their numerical filtering). Therefore
+    directions with ``s >= damping`` have no velocity error, and always
+    ``|dq| <= |W twist| / damping``. With a small `rotation_length`, errors of orientation come
+    before errors of position.
 
     Parameters
     ----------
     jacobian : ndarray (6, n)
         Rows linear [m/rad], then angular [rad/rad].
     twist : array_like (6,)
-        In the Jacobian's frame [m/s, rad/s].
+        Twist in the Jacobian's frame [m/s, rad/s].
     damping : float
-        Smallest singular value [m/rad] of the weighted Jacobian that is inverted in full.
+        Smallest singular value of the weighted Jacobian that is inverted without damping [m/rad].
     rotation_length : float
         Weight of rotation against translation [m/rad].
 
@@ -75,31 +77,32 @@ def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: fl
 
 
 class Solution(NamedTuple):
-    """Joint velocities for a twist, and what they leave of it."""
+    """Joint velocities for a twist, and their limitation."""
 
     velocities: np.ndarray  # (n,) [rad/s]
-    scale: float  # fraction of the motion that velocity limits let through
-    limited_by: str  # the limit that costs most in the first program that is needed, or empty
-    smallest: float  # singular value of the weighted Jacobian [m/rad]
+    scale: float  # fraction of the motion that the velocity limits allow
+    limited_by: str  # limit with the largest multiplier in the first program, or empty
+    smallest: float  # smallest singular value of the weighted Jacobian [m/rad]
 
 
 class BoundedInverse:
-    """Joint velocities for a twist within the limits of position, velocity and acceleration."""
+    """Compute joint velocities for a twist within limits of position, velocity, acceleration."""
 
     def __init__(self, limits: JointLimits):
         self._limits = limits
         joints, span = len(limits.names), limits.upper - limits.lower
-        # At either end of its range, which a redundant arm is moved out of. Without a zone where
-        # a joint has no range, an infinite room divided by it is no push.
+        # Zones at both ends of a joint's range, which a redundant arm avoids. For a joint without
+        # limits the room is infinite, and divided by this small number it gives no push.
         self._zone = np.where(np.isfinite(span), 0.15 * span, 1e-300)
         self._no_rows, self._sense = np.empty((0, joints)), np.zeros(joints, np.int32)
 
     def solve(self, jacobian: np.ndarray, twist: np.ndarray, joints: Joints,
               reach: Reach) -> Solution:
         """
-        Joint velocities for a twist (6,), from the state of the joints, within their reach.
+        Return joint velocities for a twist (6,), within the reach of the joints.
 
-        Not within all limits where the solver fails, not finite where twist or Jacobian are not.
+        If the solver fails, they may violate a limit. If twist or Jacobian is not finite, they
+        are not finite.
         """
         limits, scale, limited_by = self._limits, 1.0, ''
         found, smallest = _least_squares(jacobian, twist, self._push(twist, joints.positions),
@@ -132,7 +135,7 @@ class BoundedInverse:
         return Solution(found, scale, limited_by, smallest)
 
     def _push(self, twist: np.ndarray, positions: np.ndarray) -> np.ndarray:
-        """Velocities (n,) out of the zones at the limits, for a redundant arm's null space."""
+        """Return velocities (n,) that move the joints of a redundant arm out of their zones."""
         limits = self._limits
         if len(positions) <= 6:
             return np.zeros(len(positions))
@@ -145,10 +148,11 @@ class BoundedInverse:
 @njit(cache=True)
 def agility(jacobian: np.ndarray, acceleration: np.ndarray) -> float:
     """
-    Largest acceleration of the sensor in every direction across its normal [m/s^2].
+    Return the acceleration of the sensor that is possible in any direction across its normal.
 
-    None of the joints' accelerations (n,) [rad/s^2] is exceeded by it, from rest, without turning
-    the sensor or moving it along its normal; inf where a Jacobian (6, n) is not finite.
+    It is computed [m/s^2] for a start from rest, without a turn of the sensor or motion along its
+    normal, so that no joint exceeds its acceleration (n,) [rad/s^2]. It is infinite if the
+    Jacobian (6, n) is not finite.
     """
     none, most, ways = np.zeros(jacobian.shape[1]), np.inf, np.eye(6)
     x, _ = _least_squares(jacobian, ways[0], none, DAMPING, ROTATION_LENGTH)
@@ -162,19 +166,19 @@ def agility(jacobian: np.ndarray, acceleration: np.ndarray) -> float:
 @njit(cache=True)
 def _least_squares(jacobian: np.ndarray, twist: np.ndarray, push: np.ndarray, damping: float,
                    rotation_length: float) -> tuple[np.ndarray, float]:
-    """Velocities for the twist, with the part of `push` that moves no tip; smallest s."""
+    """Return velocities for the twist plus the null-space part of `push`, and the smallest s."""
     joints, weighted, square = jacobian.shape[1], jacobian.copy(), np.zeros((6, 6))
     weighted[3:] *= rotation_length
-    for i in range(6):  # loops: a call of BLAS costs more than this does
+    for i in range(6):  # loops are faster here than a call of BLAS
         for j in range(6):
             for k in range(joints):
                 square[i, j] += weighted[i, k] * weighted[j, k]
-    if not math.isfinite(square.sum()):  # LAPACK takes no such matrix
+    if not math.isfinite(square.sum()):  # LAPACK needs finite values
         return np.full(joints, np.nan), np.nan
     squared, left = np.linalg.eigh(square)  # a third of the time of an SVD
     velocities, redundant = push.copy(), joints > 6 and push.any()
     pushed = weighted @ push if redundant else np.zeros(6)
-    # Along each left singular vector: share of the twist, less what the push would bring.
+    # For each left singular vector: its share of the twist, minus the twist of the push.
     for i in range(6):
         share = less = 0.0
         for j in range(6):
@@ -190,16 +194,16 @@ def _least_squares(jacobian: np.ndarray, twist: np.ndarray, push: np.ndarray, da
 
 
 def _eased(matrix: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """Matrix (n, n) of a program in which errors along a way (n,) weigh EASED times as much."""
+    """Return the matrix (n, n) with the weight of errors along `way` (n,) reduced to EASED."""
     along = matrix @ way
     return matrix - (1.0 - EASED) / max(along @ way, 1e-300) * np.outer(along, along)
 
 
 def hessian(jacobian: np.ndarray) -> np.ndarray:
-    """Matrix H (n, n)."""
+    """Return the matrix H (n, n)."""
     weighted = jacobian.copy()
     weighted[3:] *= ROTATION_LENGTH
-    if weighted.shape[1] <= 6:  # none is to spare for it
+    if weighted.shape[1] <= 6:  # no redundancy
         weighted[5] *= YIELDING
     squared, right = np.linalg.eigh(weighted.T @ weighted)
     weights = np.maximum(squared, DAMPING**2)

@@ -1,4 +1,4 @@
-"""The last measured joint states that can be believed, and those in between."""
+"""History of plausible measured joint states, with interpolation."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -6,9 +6,9 @@ from numpy.typing import ArrayLike
 from tactile_common.state_buffer import StateBuffer
 from tactile_servo.motion.limits import JointLimits
 
-BEYOND_LIMITS = 0.5  # rad; a joint measured further out is a fault of its sensor or names
-# A leap is a motion between two states by more than this, and than twice what the joint can do;
-# it is believed from the second state on that tells of it, and after a silence.
+BEYOND_LIMITS = 0.5  # rad; a larger excess is a fault of the sensor or of the joint names
+# A leap is a motion between two states by more than LEAP plus twice the joint's largest motion.
+# It is accepted if a second state confirms it, or after a silence.
 LEAP = 0.02  # rad
 SILENCE = 0.5  # s
 
@@ -16,7 +16,7 @@ Stamped = tuple[int, list[float]]  # joint positions and their stamp [ns]
 
 
 class JointHistory:
-    """The last measured joint states that can be believed, and those in between."""
+    """History of plausible measured joint states, with interpolation."""
 
     def __init__(self, limits: JointLimits):
         self._limits = limits
@@ -25,17 +25,17 @@ class JointHistory:
             strict=True))
         self._states: StateBuffer[np.ndarray] = StateBuffer(
             lambda one, other, share: one + share * (other - one), size=256,
-            max_ahead_ns=20_000_000)  # that a picture may be newer than the newest joint state
+            max_ahead_ns=20_000_000)  # an image may be newer than the newest joint state
         self._fastest = (2.0 * limits.velocity).tolist()
         self._last: Stamped | None = None
         self._doubted: Stamped | None = None
 
     def add(self, positions: ArrayLike, stamp_ns: int) -> np.ndarray:
         """
-        Take a joint state (n,) [rad] and its stamp [ns]; returns it as an ndarray.
+        Add a joint state (n,) [rad] with its stamp [ns]; return it as an ndarray.
 
-        Raises ValueError, and the state is not used, where its length is wrong or a position
-        is not finite or far beyond the joint's limits, or it is the first after a leap.
+        Raises a ValueError and does not use the state if its length is wrong, if a position is
+        not finite or far beyond the joint's limits, or if it is the first state after a leap.
         """
         positions = np.asarray(positions, dtype=float)
         if positions.shape != self._limits.lower.shape or not all(
@@ -53,7 +53,7 @@ class JointHistory:
         return positions
 
     def _leaping(self, before: Stamped | None, state: Stamped) -> str | None:
-        """Name of a joint that leaps from one state (stamp, angles) to another; None if none."""
+        """Return the first joint that leaps between two states (stamp, angles), or None."""
         if before is None:
             return None
         span = 1e-9 * abs(state[0] - before[0])
@@ -66,7 +66,7 @@ class JointHistory:
         return None
 
     def _why_not(self, positions: np.ndarray) -> str:
-        """Why a joint state cannot be believed."""
+        """Return why a joint state is not plausible."""
         limits = self._limits
         if positions.shape != limits.lower.shape or not np.isfinite(positions).all():
             return f'joint state {positions} is not {len(limits.names)} angles'
@@ -76,5 +76,5 @@ class JointHistory:
                 f'{beyond[joint]:g} beyond its limits')
 
     def at(self, stamp_ns: int) -> np.ndarray | None:
-        """Joint positions (n,) at a stamp [ns]; None where they are not known."""
+        """Return the joint positions (n,) at a stamp [ns], or None if they are unknown."""
         return self._states.at(stamp_ns)

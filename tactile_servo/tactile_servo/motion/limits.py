@@ -1,4 +1,4 @@
-"""Limits that no command can pass, whatever the servo wants."""
+"""Limits of joints and workspace, which no command exceeds."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +12,7 @@ from tactile_common.kernels import njit
 
 KINDS = POSITION, VELOCITY, ACCELERATION = 'position', 'velocity', 'acceleration'
 NOT_FINITE = 'velocity not finite'
-NEGLIGIBLE = 1e-6  # of a joint's velocity limit; what it is asked beyond a limit by rounding
+NEGLIGIBLE = 1e-6  # rounding error of a joint velocity, as a share of its limit
 
 
 class Joints(NamedTuple):
@@ -24,24 +24,25 @@ class Joints(NamedTuple):
 
 class Reach(NamedTuple):
     """
-    Least and largest joint velocities (3, n) of a period [rad/s], rows as KINDS.
+    Smallest and largest joint velocities (3, n) of a period [rad/s], rows as KINDS.
 
-    What position limits leave room for, velocity limits too, and acceleration limits too: a joint
-    that is too close to its limit brakes as hard as it may, no harder. A stop is by all joints
-    alike, so that the sensor keeps its way.
+    The first row respects the position limits, the second also the velocity limits, the third
+    also the acceleration limits: a joint too close to its position limit brakes with its full
+    acceleration, not more. In a stop all joints slow down by the same factor, so that the sensor
+    stays on its path.
     """
 
     least: np.ndarray
     most: np.ndarray
-    stop: np.ndarray  # (n,): what a period of braking leaves of their velocities [rad/s]
+    stop: np.ndarray  # (n,), joint velocities after a period of braking [rad/s]
 
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Limits of each joint (n,), and the time within which the arm can always stop."""
+    """Limits of each joint (n,), and the time in which the arm can always stop."""
 
     names: tuple[str, ...]
-    lower: np.ndarray  # positions that are kept to, margin included [rad]; may be infinite
+    lower: np.ndarray  # position limits including the margin [rad]; may be infinite
     upper: np.ndarray
     velocity: np.ndarray  # largest magnitudes, above 0 [rad/s]
     acceleration: np.ndarray  # [rad/s^2]
@@ -74,28 +75,29 @@ class JointLimits:
 
     @cached_property
     def slack(self) -> np.ndarray:
-        """Joint velocities (n,) that are rounding [rad/s]."""
+        """Rounding errors of the joint velocities (n,) [rad/s]."""
         return NEGLIGIBLE * self.velocity
 
     def reach(self, joints: Joints, dt: float, coast: float = 0.0) -> Reach:
         """
-        Velocities that joints may have in `dt`, and for `coast` before they brake [s].
+        Return the velocities that joints may have for `dt` and `coast`, before they brake [s].
 
-        The room of positions falls with the distance left, a velocity damper (Faverjon and
-        Tournassoud, 1987): at distance / (dt + coast + stopping_time) the joints can always stop
-        together in time.
+        Near a position limit the allowed velocity is proportional to the distance left, a
+        velocity damper (Faverjon and Tournassoud, 1987): at
+        distance / (dt + coast + stopping_time) the joints can always stop together in time.
         """
         return Reach(*_reach(self._bounds, *joints, dt, dt + coast + self.stopping_time))
 
     def keeps(self, velocities: np.ndarray, least: np.ndarray, most: np.ndarray) -> bool:
-        """Whether joint velocities (n,) pass no bound (n,) by more than rounding does."""
+        """Return True if joint velocities (n,) are within bounds (n,), except for rounding."""
         return _keeps(velocities, least, most, self.slack)
 
     def guard(self, wanted: np.ndarray, reach: Reach) -> tuple[np.ndarray, str]:
         """
-        Joint velocities (n,) within all limits, and what was in the way of the wanted ones (n,).
+        Clip wanted joint velocities (n,) to all limits; return them and the violated limit.
 
-        Wanted ones that are not finite are a stop. Nothing is named for what is within rounding.
+        The limit is empty if the violation is within rounding. Wanted velocities that are not
+        finite are replaced by a stop.
         """
         kept = np.minimum(np.maximum(wanted, reach.least[-1]), reach.most[-1])
         if self.keeps(wanted, reach.least[-1], reach.most[-1]):
@@ -107,23 +109,23 @@ class JointLimits:
         return kept, self.name_of(outside[:, joint].argmax(), joint)
 
     def end_of(self, bound: str, positions: np.ndarray) -> str:
-        """Which end of its range a joint is at, by the name of a limit of position."""
+        """Return which end of its range a joint is at, for a position limit's name."""
         index = self.names.index(bound.rpartition(' of ')[2])
         side, end = min((('lower', self.lower[index]), ('upper', self.upper[index])),
                         key=lambda it: abs(positions[index] - it[1]))
         return f'{self.names[index]} is at its {side} limit, {end:g}'
 
     def name_of(self, kind: np.intp, joint: np.intp) -> str:
-        """Name of a limit, by the indices of its kind and joint."""
+        """Return the name of a limit from the indices of its kind and joint."""
         return f'{KINDS[kind]} of {self.names[joint]}'
 
 
 @njit(cache=True)
 def _reach(bounds: np.ndarray, positions: np.ndarray, previous: np.ndarray, dt: float,
            horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fields of a Reach."""
+    """Return the fields of a Reach."""
     lower, upper, fastest, acceleration = bounds
-    periods = (np.abs(previous) / (dt * acceleration)).max()  # of braking
+    periods = (np.abs(previous) / (dt * acceleration)).max()  # number of periods to brake
     least, most = np.empty((3, len(lower))), np.empty((3, len(lower)))
     for k in range(len(lower)):
         least[0, k] = min((lower[k] - positions[k]) / horizon, 0.0)
@@ -138,7 +140,7 @@ def _reach(bounds: np.ndarray, positions: np.ndarray, previous: np.ndarray, dt: 
 @njit(cache=True)
 def _keeps(velocities: np.ndarray, least: np.ndarray, most: np.ndarray,
            slack: np.ndarray) -> bool:
-    """Whether velocities (n,) pass no bound (n,) by more than the slack (n,)."""
+    """Return True if velocities (n,) exceed no bound (n,) by more than the slack (n,)."""
     for k in range(len(velocities)):
         if not max(least[k] - velocities[k], velocities[k] - most[k]) <= slack[k]:
             return False
@@ -163,16 +165,17 @@ class WorkspaceBox:
                 f'workspace: lower {self.lower} is not below upper {self.upper}')
 
     def beyond(self, place: np.ndarray) -> np.ndarray:
-        """How far each coordinate of a place (3,) lies outside, 0 within [m]."""
+        """Return how far each coordinate of a place (3,) is outside the box; 0 inside [m]."""
         return np.maximum(np.maximum(place - self.upper, self.lower - place), 0.0)
 
     def limit(self, pose: np.ndarray, twist: np.ndarray,
               horizon: float) -> tuple[np.ndarray, bool]:
         """
-        Clip a twist (6,) in the frame of a pose (4, 4) that would leave the box within `horizon`.
+        Clip a twist (6,) that would leave the box within `horizon` [s].
 
-        Returns it and whether it was clipped [m, m/s and rad/s, s]. One that is not finite stays
-        so: the joints' limits make a stop of it.
+        The twist is in the frame of the pose (4, 4) [m/s, rad/s]. Returns the twist, and True if
+        it was clipped. A twist that is not finite is returned unchanged; `JointLimits.guard`
+        replaces it by a stop.
         """
         return _limit(self.lower, self.upper, pose, twist, horizon)
 
@@ -180,7 +183,7 @@ class WorkspaceBox:
 @njit(cache=True)
 def _limit(lower: np.ndarray, upper: np.ndarray, pose: np.ndarray, twist: np.ndarray,
            horizon: float) -> tuple[np.ndarray, bool]:
-    """See `WorkspaceBox.limit`."""
+    """Compute the values of `WorkspaceBox.limit`."""
     kept, limited, clipped = np.zeros(3), twist, False
     for i in range(3):
         velocity = 0.0

@@ -1,4 +1,4 @@
-"""A robot arm from a URDF: forward kinematics, Jacobian, inverse."""
+"""Kinematics of a robot arm from a URDF: forward kinematics, Jacobian, inverse kinematics."""
 
 from collections.abc import Iterator, Sequence
 from itertools import chain
@@ -16,11 +16,11 @@ class RobotModel:
     """
     Kinematics of the serial chain from a URDF's root link to a tip frame (pinocchio).
 
-    Continuous joints count as revolute joints without position limits, so that a joint has
-    one coordinate whatever its type.
+    Continuous joints are treated as revolute joints without position limits, so that every joint
+    has one coordinate.
 
     The vectors `lower`, `upper` (positions [rad or m], infinite for continuous joints) and
-    `velocity_limit` [rad/s or m/s] have the order of `joint_names`, as every joint vector.
+    `velocity_limit` [rad/s or m/s] have the order of `joint_names`, like all joint vectors.
     """
 
     def __init__(self, xml: str, tip_frame: str):
@@ -42,7 +42,7 @@ class RobotModel:
 
     @property
     def middle(self) -> np.ndarray:
-        """Middle (n,) of the position limits; 0 where a joint has none [rad or m]."""
+        """Middle (n,) of the position limits; 0 for a joint without limits [rad or m]."""
         bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
         middle = np.zeros_like(self.lower)
         middle[bounded] = 0.5 * (self.lower[bounded] + self.upper[bounded])
@@ -51,55 +51,55 @@ class RobotModel:
     @classmethod
     def from_urdf(cls, urdf: str | Path, tip_frame: str) -> 'RobotModel':
         """
-        Read a URDF: path of a file, or the XML itself. Joint vectors go from root to tip.
+        Read a URDF from a file's path or from the XML itself; joints are ordered root to tip.
 
         Raises
         ------
         ConfigurationError
-            Missing file, malformed XML, unknown tip frame, a joint that is not revolute,
-            continuous or prismatic, a mimic joint, missing limits.
+            The file is missing, the XML is malformed, the tip frame is unknown, a joint is a mimic
+            joint, is not revolute, continuous, prismatic or fixed, or has no limits.
         """
         return cls(text_of(str(urdf)), tip_frame)
 
     def pose(self, q: np.ndarray) -> np.ndarray:
-        """Transform (4, 4) [m] from the tip to the root frame at positions (n,) [rad or m]."""
+        """Return the pose (4, 4) of the tip in the root frame [m] at positions (n,) [rad or m]."""
         pinocchio.forwardKinematics(self._model, self._data, self._checked(q))
         return self._placement()
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """
-        Jacobian (6, n) of the tip frame at joint positions (n,) [rad or m].
+        Return the Jacobian (6, n) of the tip frame at joint positions (n,) [rad or m].
 
-        Expressed in the tip frame, rows linear, then angular.
+        It is expressed in the tip frame; its rows are linear, then angular.
         """
         return self.place(q)[1]
 
     def place(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pose and Jacobian, see there, at joint positions (n,) [rad or m]."""
+        """Return `pose` and `jacobian` at joint positions (n,) [rad or m]."""
         pinocchio.computeJointJacobians(self._model, self._data, self._checked(q))
         pose = self._placement()
         jacobian = pinocchio.getFrameJacobian(
             self._model, self._data, self._frame, pinocchio.LOCAL,
-        ).reshape(6, -1)  # of one joint it is no matrix
+        ).reshape(6, -1)  # for one joint pinocchio returns a vector
         return pose, np.array(jacobian, order='C')
 
     def _checked(self, q: np.ndarray) -> np.ndarray:
-        """Positions (n,) as floats; ValueError of another number of them."""
+        """Return positions (n,) as floats; raise a ValueError for another shape."""
         q, joints = np.asarray(q, dtype=float), len(self.joint_names)
         if q.shape != (joints,):
             raise ValueError(f'positions of shape {q.shape}, must be of {joints} joints')
         return q
 
     def _placement(self) -> np.ndarray:
-        """Pose (4, 4) of the tip where the joints were put last."""
+        """Return the pose (4, 4) of the tip for the last joint positions."""
         placement = pinocchio.updateFramePlacement(self._model, self._data, self._frame)
         return np.ascontiguousarray(placement.homogeneous)
 
     def bias(self, q: np.ndarray, velocities: np.ndarray) -> np.ndarray:
         """
-        Acceleration (6,) of the tip frame, in it, where joints (n,) keep their velocities (n,).
+        Return the acceleration (6,) of the tip frame, in this frame, at constant joint velocities.
 
-        The change of the Jacobian times the velocities [m/s^2, rad/s^2].
+        It is the time derivative of the Jacobian times the velocities [m/s^2, rad/s^2].
         """
         pinocchio.forwardKinematics(
             self._model, self._data, q, velocities, np.zeros(len(q)))
@@ -109,26 +109,26 @@ class RobotModel:
     def inverse(self, pose: np.ndarray,
                 seed: Sequence[float] | np.ndarray | None = None) -> np.ndarray:
         """
-        Joint positions (n,) within the limits that bring the tip frame to a pose.
+        Return joint positions (n,) within the limits that bring the tip frame to a pose.
 
-        Levenberg-Marquardt steps with Sugihara's damping (IEEE T-RO 27(5), 2011),
-        clipped to the limits; from the seed first, then from random configurations (the same
-        ones at every call). Without a seed, of all solutions that the random configurations
-        lead to, the one farthest from singularities and limits.
+        The method is Levenberg-Marquardt with Sugihara's damping (IEEE T-RO 27(5), 2011), with
+        steps clipped to the limits. It starts from the seed, then from random configurations (the
+        same ones at every call). Without a seed, it returns the solution farthest from
+        singularities and limits among those from all random configurations.
 
         Parameters
         ----------
         pose : array_like (4, 4)
             Transform from the tip frame to the root frame [m].
         seed : array_like (n,), optional
-            Where to start; it chooses among several solutions [rad or m].
+            Start configuration; selects one of several solutions [rad or m].
 
         Raises
         ------
         UnreachableError
-            With the smallest residual found.
+            No solution was found; the message gives the smallest residual.
         ConfigurationError
-            The pose is no rigid transform, or the seed has the wrong length.
+            The pose is not a rigid transform, or the seed has a wrong length or is not finite.
         """
         target = _checked_pose(pose)
         starts = self._random_configurations(seed)
@@ -187,12 +187,12 @@ class RobotModel:
             yield rng.uniform(low, high)
 
     def _unwound(self, q: np.ndarray) -> np.ndarray:
-        """Return q without the full turns that the limits let it do without."""
+        """Return q without full turns, as far as the limits allow."""
         near_zero = np.where(self._turns, q - 2 * np.pi * np.round(q / (2 * np.pi)), q)
         return np.where((near_zero >= self.lower) & (near_zero <= self.upper), near_zero, q)
 
     def _clearance(self, q: np.ndarray) -> float:
-        """Smallest weighted singular value [m/rad], less within 30 degrees of a limit."""
+        """Return the smallest weighted singular value [m/rad], less within 30 deg of a limit."""
         _, smallest = damped_least_squares(self.jacobian(q), np.zeros(6))
         margin = np.minimum(q - self.lower, self.upper - q).min()
         return smallest * min(1.0, margin / np.radians(30.0))

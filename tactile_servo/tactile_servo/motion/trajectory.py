@@ -1,4 +1,4 @@
-"""Joint trajectories as a joint_trajectory_controller takes them."""
+"""Joint trajectories for a joint_trajectory_controller."""
 
 from dataclasses import dataclass
 
@@ -10,17 +10,17 @@ from tactile_common.errors import ConfigurationError
 @dataclass(eq=False)  # not frozen: one is made every cycle
 class Trajectory:
     """
-    Points of a joint trajectory; the shapes are checked, what they hold is the receiver's affair.
+    Points of a joint trajectory; only the shapes are checked, not the values.
 
-    Raises ConfigurationError where an array has another shape.
+    Raises a ConfigurationError if an array has a wrong shape.
     """
 
     joint_names: tuple[str, ...]  # n, the order of the columns
-    times: np.ndarray  # (K,) after the start [s]
+    times: np.ndarray  # (K,), since the start [s]
     positions: np.ndarray  # (K, n) [rad or m]
     velocities: np.ndarray | None = None  # (K, n) [rad/s or m/s]
     accelerations: np.ndarray | None = None  # (K, n) [rad/s^2 or m/s^2]
-    stamp_ns: int = 0  # of the start, in the robot's clock; 0 means as soon as it is received
+    stamp_ns: int = 0  # start in the robot's clock [ns]; 0 means start on reception
 
     def __post_init__(self) -> None:
         shape = len(self.times), len(self.joint_names)

@@ -1,4 +1,4 @@
-"""The part of a URDF that moves a frame, checked, as a pinocchio model."""
+"""Checked pinocchio model of the joints in a URDF that move a frame."""
 
 from xml.etree import ElementTree
 
@@ -9,15 +9,16 @@ from tactile_common.errors import ConfigurationError
 
 MOVING = ('revolute', 'prismatic', 'continuous')
 LIMITS = ('lower', 'upper', 'velocity')
-MAX_BYTES = 16 << 20  # of a URDF
-_UNBOUNDED = 1e6  # rad; stands for "no limit" where the parser wants a number
+MAX_BYTES = 16 << 20  # largest size of a URDF
+_UNBOUNDED = 1e6  # replaces an infinite limit, because the parser needs a number
 
 
 def text_of(description: str) -> str:
     """
-    Text of a robot description: it is one, or the path of a file.
+    Return the XML of a robot description, given as XML or as the path of a file.
 
-    ConfigurationError where the file cannot be read, or is no such file.
+    Raises a ConfigurationError if the description is empty, or if the file cannot be read, is too
+    large or is not UTF-8 text.
     """
     if '<' in description:
         return description
@@ -49,7 +50,7 @@ def parse(xml: str) -> ElementTree.Element:
 
 def chain_to(robot: ElementTree.Element,
              tip_frame: str) -> tuple[list[ElementTree.Element], str]:
-    """Joint elements from the root link to the tip frame, and the root link's name."""
+    """Return the joint elements from the root link to the tip frame, and the root link's name."""
     links = [link.get('name', '') for link in robot.findall('link')]
     if tip_frame not in links:
         raise ConfigurationError(
@@ -82,14 +83,14 @@ def _wrong(joint: ElementTree.Element, why: str) -> ConfigurationError:
 
 
 def _end(joint: ElementTree.Element, kind: str) -> str:
-    """Name of a joint's 'parent' or 'child' link, empty if it has none."""
+    """Return the name of a joint's 'parent' or 'child' link; empty if it has none."""
     element = joint.find(kind)
     return '' if element is None else element.get('link', '')
 
 
 def _number(joint: ElementTree.Element, element: ElementTree.Element | None, key: str,
             otherwise: float | None = None) -> float:
-    """Attribute of a joint's element; one that is missing is refused, or is `otherwise`."""
+    """Return a joint's attribute as a number; if missing, return `otherwise` or raise."""
     text = None if element is None else element.get(key)
     if text is None and otherwise is not None:
         return otherwise
@@ -107,14 +108,14 @@ def _refuse_no_axis(joint: ElementTree.Element) -> None:
     axis = joint.find('axis')
     try:
         turns = axis is None or any(float(value) for value in axis.get('xyz', '1 0 0').split())
-    except ValueError:  # pinocchio says what is wrong with it
+    except ValueError:  # pinocchio reports the error
         turns = True
     if not turns:
         raise _wrong(joint, 'its axis is 0 0 0')
 
 
 def limits_of(joint: ElementTree.Element) -> tuple[float, float, float]:
-    """Lower, upper and velocity limit of a moving joint's element; soft limits go before."""
+    """Return a moving joint's lower, upper and velocity limit; soft limits restrict further."""
     _refuse_no_axis(joint)
     limit = joint.find('limit')
     needed = LIMITS[2:] if joint.get('type') == 'continuous' else LIMITS
@@ -137,7 +138,7 @@ def limits_of(joint: ElementTree.Element) -> tuple[float, float, float]:
 
 def pinocchio_model(robot: ElementTree.Element, chain: list[ElementTree.Element],
                     root: str) -> pinocchio.Model:
-    """Build the chain alone: no side branches, no inertias, no meshes to look for."""
+    """Build a model of the chain only, without side branches, inertias and meshes."""
     stripped = ElementTree.Element('robot', name=robot.get('name', 'robot'))
     for name in [root] + [_end(joint, 'child') for joint in chain]:
         ElementTree.SubElement(stripped, 'link', name=name)

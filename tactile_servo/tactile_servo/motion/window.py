@@ -1,10 +1,10 @@
 """
-Windows of motion: what is commanded from now on, up to a rest.
+Windows of motion: trajectories from now on that end at rest.
 
-A window is read as a joint_trajectory_controller reads it, cubics through positions and
-velocities. Between any two of its points the acceleration is constant, so that it is what the
-controller plays, however it samples. The next window begins on the last one and leaves it only
-after what is committed: whoever changes from one to the other in between notices nothing.
+Like a joint_trajectory_controller, a window uses cubics through positions and velocities. Between
+two points the acceleration is constant, so the controller plays the same motion for any sampling.
+The next window begins on the last one and leaves it only after the committed part. The controller
+can change between them at any time within this part, without an effect on the motion.
 """
 
 from typing import NamedTuple
@@ -13,12 +13,12 @@ import numpy as np
 
 from tactile_common.kernels import njit
 
-MIN_STOP = 0.01  # s, so that the times of a window at rest still increase
-APART = 1e-6  # s between points; a joint_trajectory_controller counts nanoseconds
+MIN_STOP = 0.01  # least braking time [s], so that the times of a window at rest increase
+APART = 1e-6  # least time between points [s]; a joint_trajectory_controller counts nanoseconds
 
 
 class Window(NamedTuple):
-    """Points of a window, the last at rest; held before the first and after the last."""
+    """Points of a window, the last at rest; positions hold before the first and after the last."""
 
     times: np.ndarray  # (K,) since the window's stamp [s]
     positions: np.ndarray  # (K, n) [rad]
@@ -26,17 +26,18 @@ class Window(NamedTuple):
 
 
 def at_rest(positions: np.ndarray, time: float) -> Window:
-    """Window that has robot and command at rest at positions (n,), from a time on [s]."""
+    """Return a window at rest at positions (n,), from a time on [s]."""
     places = np.array([positions, positions])
     return Window(np.array([time, time + MIN_STOP]), places, np.zeros_like(places))
 
 
 def committed(window: Window, elapsed: float, ahead: float) -> Window:
     """
-    What of a window, `elapsed` after its stamp, is left until `ahead` from now [s].
+    Return the part of a window from now, `elapsed` after its stamp, to `ahead` from now [s].
 
-    Begins now, or at the window's first point if that is still to come, and ends `ahead` from
-    now (or at a point that nearly coincides, which would be lost else), or at that first point.
+    It begins now, or at the window's first point if this is later. It ends `ahead` from now (or at
+    a point that nearly coincides, which would otherwise be lost), or at the first point if this is
+    later.
     """
     return Window(*_committed(*window, elapsed, ahead))
 
@@ -44,11 +45,11 @@ def committed(window: Window, elapsed: float, ahead: float) -> Window:
 def extended(window: Window, target: np.ndarray, coasted: np.ndarray, period: float,
              coast: float, acceleration: np.ndarray) -> Window:
     """
-    Add to what is committed: evenly to the velocities `target` (n,) within a period, then a rest.
+    Extend the committed part by a change of velocity, a coast and a stop.
 
-    After the period the motion coasts [s], evenly to the velocities `coasted` (n,), then all
-    joints brake evenly over the time that the slowest of them needs for it within its
-    acceleration (n,).
+    In one `period` [s] the velocities change to `target` (n,), in the time `coast` [s] to
+    `coasted` (n,), each at constant acceleration. Then all joints brake at constant deceleration,
+    in the time that the slowest of them needs within its acceleration (n,).
     """
     return Window(*_extended(*window, target, coasted, acceleration, period, coast))
 
@@ -57,9 +58,10 @@ def extended(window: Window, target: np.ndarray, coasted: np.ndarray, period: fl
 def coasting(velocities: np.ndarray, change: np.ndarray, most: np.ndarray, least_room: np.ndarray,
              most_room: np.ndarray) -> np.ndarray:
     """
-    Velocities (n,) that some come to by a change (n,), of no more than `most` (n,) [rad/s].
+    Add a change (n,), of at most `most` (n,), to joint velocities (n,) and return them [rad/s].
 
-    What is beyond its room (n,) already, because it brakes no harder, goes no further out.
+    The result is within the room (n,). A velocity that already exceeds it, because the joint
+    cannot brake harder, does not increase.
     """
     coasted = velocities.copy()
     if np.isfinite(change).all():
@@ -73,11 +75,10 @@ def coasting(velocities: np.ndarray, change: np.ndarray, most: np.ndarray, least
 @njit(cache=True)
 def _sample(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray,
             time: float) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities (n,) of a window at a time [s]."""
+    """Return positions and velocities (n,) of a window at a time [s]."""
     k = np.searchsorted(times, time, side='right') - 1
     if k < 0 or k == len(times) - 1:
         return positions[max(k, 0)], velocities[max(k, 0)]
-    # The acceleration between two points is constant.
     since, span = time - times[k], times[k + 1] - times[k]
     gain = (velocities[k + 1] - velocities[k]) / span
     return (positions[k] + since * (velocities[k] + 0.5 * since * gain),
@@ -87,7 +88,7 @@ def _sample(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray,
 @njit(cache=True)
 def _committed(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray, elapsed: float,
                ahead: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points of `committed`."""
+    """Return the points of `committed`."""
     left = times - elapsed
     for time in left:
         if abs(time - ahead) <= APART:
@@ -110,7 +111,7 @@ def _committed(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray,
 def _extended(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray,
               target: np.ndarray, coasted: np.ndarray, acceleration: np.ndarray, period: float,
               coast: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points of `extended`: of a window, and three that lead evenly to velocities (n,)."""
+    """Return the points of `extended`: those of a window and three more."""
     count, ways = len(times), np.zeros((3, len(target)))
     ways[0], ways[1] = target, coasted
     spans = (period, coast, max(MIN_STOP, (np.abs(coasted) / acceleration).max()))
