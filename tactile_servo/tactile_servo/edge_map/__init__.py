@@ -1,1 +1,1 @@
-"""The edge as the pictures drew it: path, corners, ends."""
+"""Map of an edge from images: path, corners and ends."""

@@ -1,47 +1,47 @@
-"""What presses just beyond the border of the pad, before it comes under it."""
+"""Detection of a load just beyond the border of the pad, before it reaches the pad."""
 
 import numpy as np
 
 from tactile_common.kernels import njit
 from tactile_servo.edge_map.records import Records
 
-FAINT, PLAIN = 0.02, 0.06  # of the ridge's pressure: a leg 2 and 1.25 depths away
+FAINT, PLAIN = 0.02, 0.06  # shares of the ridge's pressure, for a leg 2 and 1.25 depths away
 
 
 @njit(cache=True)
 def coming_length(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, points: np.ndarray,
                   noise: float, depth: float) -> float:
     """
-    Length of a leg of the edge that is about to come under the pad [m].
+    Return the length of a leg of the edge that is about to reach the pad [m].
 
-    A leg that lies along the border comes under the pad at once, with half of the load again;
-    the skin shows it on the tactels of the border some 1.5 depths before.
+    A leg parallel to the border reaches the pad suddenly and adds half of the load again. The
+    skin shows it on the border tactels about 1.5 depths earlier.
 
-    0 where there is none, less than the whole while it is still far. The pressure (rows, columns)
-    [Pa] is finite; `points` (N,) are RIDGE_POINT, the picture's ridge; places x, y [m], `noise`
-    [Pa] and `depth` [m] are those of the tactels.
+    The length is 0 without such a leg, and reduced while the leg is far. The pressure (rows,
+    columns) [Pa] must be finite. `points` (N,) are RIDGE_POINT, the image's ridge; x, y [m],
+    `noise` [Pa] and `depth` [m] are positions, noise and depth of the tactels.
     """
     if not len(points):
         return 0.0
-    clear = 2.5 * depth  # from the line of a ridge: within that the border sees it
+    clear = 2.5 * depth  # border tactels within this distance of the ridge's line see the ridge
     count, share = _longest_run(pressure, x, y, points, clear, noise)
     if count < 4:
         return 0.0
     near = min(max((share - FAINT) / (PLAIN - FAINT), 0.0), 1.0)
-    # The tactels beside the ridge do not tell: the leg reaches as far as to it.
+    # Tactels near the ridge were excluded: assume that the leg extends to the ridge.
     return near * (count * min(x[1] - x[0], y[1] - y[0]) + clear)
 
 
 @njit(cache=True)
 def _longest_run(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, points: Records, clear: float,
                  noise: float) -> tuple[int, float]:
-    """Tactels of the longest loaded run of the border off the ridge; their share of its load."""
+    """Find the longest loaded run of border tactels off the ridge: count, relative pressure."""
     rows, columns = pressure.shape
     ridge = np.median(points.pressure)
     level = max(FAINT * ridge, 2.0 * noise)
     around = 2 * (rows + columns) - 4
     best, best_sum, run, total = 0, 0.0, 0, 0.0
-    for step in range(2 * around):  # twice around: a run may pass over the beginning
+    for step in range(2 * around):  # twice around: a run may cross the starting point
         k = step % around
         if k < columns:
             r, c = 0, k
@@ -55,7 +55,7 @@ def _longest_run(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, points: Rec
         for n in range(len(points)):
             if own:
                 break
-            # Beyond the pad the ridge goes on as it points.
+            # Beyond the pad, assume that the ridge continues straight.
             point = points[n]
             aside = (x[c] - point.x) * point.ty - (y[r] - point.y) * point.tx
             own = abs(aside) < clear

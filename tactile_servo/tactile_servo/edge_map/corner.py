@@ -1,4 +1,4 @@
-"""Corners of a traced edge: found by their turn, fitted to every picture, remembered."""
+"""Corners of a traced edge: found by their turn, fitted to every image, averaged."""
 
 import math
 
@@ -11,28 +11,28 @@ from tactile_servo.edge_map.picture import Picture
 from tactile_servo.edge_map.records import nodes_of
 
 LEAST_TURN = math.radians(18.0)
-MEMORY = 40.0  # pictures
+MEMORY = 40.0  # number of images in the average
 
 
 class Corner:
     """
-    A corner in the plane of the edge, averaged over the pictures that show it.
+    Corner in the plane of the edge, averaged over the images that show it.
 
-    Begins with a fit: its shape and the inverse covariance (7, 7) of that; `depth` is that of
-    the tactels [m].
+    It starts with one fit: the shape and its inverse covariance (7, 7); `depth` is that of the
+    tactels [m].
     """
 
     def __init__(self, shape: CornerShape, information: np.ndarray, depth: float):
         self.shape, self.depth = shape, depth
-        self.entry = self.leave = math.inf  # stations between which it stands for the edge [m]
-        self.denied = 0  # pictures since the last one that it could be fitted to
+        self.entry = self.leave = math.inf  # stations between which it replaces the edge [m]
+        self.denied = 0  # number of failed fits since the last successful one
         self._information = information.copy()
         self._moment = np.zeros(SIZE)
         self._reference = np.array(shape)
         self._count = 1.0
 
     def merge(self, shape: CornerShape, information: np.ndarray) -> None:
-        """Take the fit of another picture: the mean weighted by information."""
+        """Add the fit of another image to the mean, weighted by information."""
         self._moment += information @ corner_fit.difference(np.array(shape), self._reference)
         self._information += information
         self._count += 1.0
@@ -53,16 +53,16 @@ class Corner:
 
     @property
     def reach(self) -> float:
-        """How far from its vertex a corner stands for the edge [m]."""
-        return self.shape.setback + 2.0 * self.depth  # from there the skin no longer blurs
+        """Distance from the vertex within which the corner replaces the traced edge [m]."""
+        return self.shape.setback + 2.0 * self.depth  # farther away the corner has no blur
 
     @property
     def zone(self) -> tuple[float, float, float, float]:
-        """Where a leg reaches it: values of a ZONE."""
+        """Zone in which a leg reaches the corner, values of a ZONE."""
         return self.shape.x, self.shape.y, self.reach, self.shape.first
 
     def nodes(self) -> np.ndarray:
-        """Path through the corner: NODE (M,), all of one height."""
+        """Return the path through the corner: NODE (M,), all at height 0."""
         points, vertex = corner_fit.corner_points(self.shape, self.depth), self.shape.vertex
         if self.shape.radius < 0.175 * self.depth:  # sharp: one vertex instead of the fillet
             points = np.vstack([points[:corner_fit.CHORDS], vertex, points[-corner_fit.CHORDS:]])
@@ -74,7 +74,7 @@ class Corner:
 
 
 def shown(picture: Picture, shape: CornerShape) -> bool:
-    """Whether a corner and enough of its legs lie on the pad: 1.5 depths beyond the fillet."""
+    """Return True if the corner is on the pad, with legs of 1.5 depths beyond the fillet."""
     reach = shape.setback + 1.5 * picture.depth
     return (picture.covers(shape.x - reach * math.cos(shape.first),
                            shape.y - reach * math.sin(shape.first))
@@ -84,9 +84,9 @@ def shown(picture: Picture, shape: CornerShape) -> bool:
 
 def fit(picture: Picture, shape: CornerShape) -> tuple[CornerShape, np.ndarray] | None:
     """
-    Fit a corner of the plane to a picture: its shape and information (7, 7).
+    Fit a corner to an image; return its shape in the plane and its information (7, 7).
 
-    None where the picture shows no such corner, or too little of it.
+    Returns None if the image does not show such a corner, or not enough of it.
     """
     if not shown(picture, shape):
         return None
@@ -96,9 +96,9 @@ def fit(picture: Picture, shape: CornerShape) -> tuple[CornerShape, np.ndarray] 
         picture.pressure, array.x, array.y, half_spaces(picture.skin), picture.noise, 0.02, start)
     if not (np.isfinite(found).all() and load > 0.0 and chi_square < 4.0):
         return None
-    # Of every corner something is known beforehand.
+    # Add priors of radius and curvatures.
     information += np.diag([0.0, 0.0, 0.0, 0.0, 0.4 / depth**2, 1e3 * depth**2, 1e3 * depth**2])
-    # What is rounder, or has legs that bend more, is followed as a curve.
+    # A rounder corner, or one with more curved legs, is followed as a curve.
     if (corner_fit.vertex_spread(information) > 0.2 * depth or abs(found.turn) < LEAST_TURN
             or max(abs(found.first_bend), abs(found.second_bend)) > 0.06 / depth
             or found.setback > 3.1 * depth
@@ -110,9 +110,9 @@ def fit(picture: Picture, shape: CornerShape) -> tuple[CornerShape, np.ndarray] 
 def guess(first: np.ndarray, first_way: np.ndarray, second: np.ndarray, second_way: np.ndarray,
           depth: float) -> CornerShape | None:
     """
-    First guess of a corner from a place and direction on either leg (each (2,)).
+    Guess a corner from a place and a direction on each leg (each (2,)).
 
-    None where the legs do not meet ahead of the first and behind the second.
+    Returns None if the legs do not meet ahead of the first place and behind the second.
     """
     (ax, ay), (bx, by), (gap_x, gap_y) = first_way, second_way, second - first
     cross = ax * by - ay * bx

@@ -1,4 +1,4 @@
-"""A corner under the pad, fitted to the picture itself: vertex, two legs and fillet."""
+"""Fit of a corner to the pressure image: vertex, two legs and fillet."""
 
 import math
 from typing import NamedTuple
@@ -10,32 +10,32 @@ from tactile_common.kernels import njit
 from tactile_sensing.half_space.kernels import add_point, add_segment
 
 # In skin depths, the width to which the skin blurs a line:
-LEG = 7.5  # of each leg that presses on the tactels near the vertex
-FARTHEST = 0.75  # change of a round
-STRAIGHT = 2.9  # rad, beyond which the legs lie on each other
-CHORDS = 5  # of a leg
-ARC_CHORDS = 6  # of a fillet; even, so that a node is at its middle
-ROUNDS = 4
+LEG = 7.5  # length of each leg that loads the tactels near the vertex
+FARTHEST = 0.75  # largest step of an iteration
+STRAIGHT = 2.9  # turn above which the legs coincide [rad]
+CHORDS = 5  # chords of a leg
+ARC_CHORDS = 6  # chords of a fillet; even, so that a node is at its middle
+ROUNDS = 4  # iterations
 
 
 class CornerShape(NamedTuple):
     """
-    A corner: two legs and the fillet between them.
+    Corner with two legs and the fillet between them.
 
-    Vectors and information matrices of a corner have this order.
+    Vectors and information matrices of a corner have the order of these fields.
     """
 
     x: float  # vertex, where the legs would meet [m]
     y: float
     first: float  # direction of travel on the first and on the second leg [rad]
     second: float
-    radius: float  # of the fillet [m]
-    first_bend: float = 0.0  # curvatures of the legs [1/m], left positive
+    radius: float  # radius of the fillet [m]
+    first_bend: float = 0.0  # curvatures of the legs [1/m], positive to the left
     second_bend: float = 0.0
 
     @property
     def vertex(self) -> np.ndarray:
-        """Where the legs would meet (2,) [m]."""
+        """Vertex (2,), where the legs would meet [m]."""
         return np.array([self.x, self.y])
 
     @property
@@ -49,7 +49,7 @@ class CornerShape(NamedTuple):
         return self.radius * math.tan(0.5 * min(abs(self.turn), STRAIGHT))
 
     def moved(self, place: np.ndarray, yaw: float) -> 'CornerShape':
-        """Shape in the frame in which that of this one lies at a place (2,), turned by yaw."""
+        """Return the shape rotated by `yaw` and then translated by `place` (2,)."""
         cos, sin = math.cos(yaw), math.sin(yaw)
         x, y = place
         return self._replace(x=cos * self.x - sin * self.y + x, y=sin * self.x + cos * self.y + y,
@@ -61,23 +61,23 @@ RADIUS = CornerShape._fields.index('radius')  # the curvatures come after it
 
 
 class CornerFit(NamedTuple):
-    """A corner fitted to a picture."""
+    """Result of the fit of a corner to an image."""
 
     shape: CornerShape
     information: np.ndarray  # (7, 7), inverse covariance without the priors
     chi_square: float  # per tactel
-    load: float  # force per length [N/m], 0 where too few tactels are near
+    load: float  # force per length [N/m], 0 if too few tactels are near
 
 
 def difference(vector: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Difference of two corners (7,), their angles within half a turn."""
+    """Return the difference of two corners (7,), with angles within half a turn."""
     gap = vector - reference
     gap[2:4] = wrap_angle(gap[2:4])
     return gap
 
 
 def turned(information: np.ndarray, yaw: float) -> np.ndarray:
-    """Information (7, 7) of a corner that is turned with its frame."""
+    """Return the information (7, 7) of a corner rotated by `yaw`."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     rotation = np.eye(SIZE)
     rotation[:2, :2] = [[cos, -sin], [sin, cos]]
@@ -85,7 +85,7 @@ def turned(information: np.ndarray, yaw: float) -> np.ndarray:
 
 
 def vertex_spread(information: np.ndarray) -> float:
-    """Standard deviation of the vertex [m]; infinite where nothing is known of it."""
+    """Return the standard deviation of the vertex [m]; infinite if it is not determined."""
     try:
         return math.sqrt(np.trace(np.linalg.inv(information)[:2, :2]))
     except (np.linalg.LinAlgError, ValueError):
@@ -99,13 +99,13 @@ def _shape(p: np.ndarray) -> CornerShape:
 
 @njit(cache=True)
 def corner_points(corner: CornerShape, depth: float) -> np.ndarray:
-    """Polyline (2 CHORDS + ARC_CHORDS + 1, 2) of a corner under a skin of some depth [m]."""
+    """Return the polyline (2 CHORDS + ARC_CHORDS + 1, 2) of a corner at a skin depth [m]."""
     turn = wrap_angle(corner.second - corner.first)
     radius = max(corner.radius, 0.0)
     setback = radius * math.tan(0.5 * min(abs(turn), STRAIGHT))
     points = np.empty((2 * CHORDS + ARC_CHORDS + 1, 2))
     spacing = LEG * depth / CHORDS
-    # First leg, backwards from where the fillet begins.
+    # First leg, backwards from the start of the fillet.
     x = begin_x = corner.x - setback * math.cos(corner.first)
     y = begin_y = corner.y - setback * math.sin(corner.first)
     points[CHORDS] = x, y
@@ -130,9 +130,9 @@ def corner_points(corner: CornerShape, depth: float) -> np.ndarray:
 def corner_pressure(corner: CornerShape, x: np.ndarray, y: np.ndarray,
                     skin: np.ndarray) -> np.ndarray:
     """
-    Pressure of a corner of unit load per length at tactels x, y [m] (rows, columns).
+    Return the pressure (rows, columns) of a corner with unit load per length at tactels x, y [m].
 
-    The skin is HALF_SPACE records, see `half_spaces`.
+    `skin` contains HALF_SPACE records, see `half_spaces`.
     """
     depth = skin[0].depth
     points = corner_points(corner, depth)
@@ -155,20 +155,20 @@ def corner_pressure(corner: CornerShape, x: np.ndarray, y: np.ndarray,
 def fit_corner(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, skin: np.ndarray, noise: float,
                model_error: float, start: CornerShape) -> CornerFit:
     """
-    Fit a corner to a picture by Gauss-Newton, the load eliminated in closed form.
+    Fit a corner to an image by Gauss-Newton, with the load eliminated in closed form.
 
-    Returns a CornerFit. The pressure (rows, columns) [Pa] is finite; x, y are the tactels' places
-    [m], `skin` as for `corner_pressure`; `noise` of one [Pa], `model_error` what the model may
-    leave out as a fraction of the pressure; `start` is the first guess, in the sensor frame.
+    The pressure (rows, columns) [Pa] must be finite; x, y are the tactels' positions [m]; `skin`
+    is as for `corner_pressure`. `noise` is that of one tactel [Pa], `model_error` the model's
+    relative error. `start` is the first guess, in the sensor frame. Returns a CornerFit.
     """
     p, depth = np.array(start), skin[0].depth
     information, chi_square, load = np.zeros((SIZE, SIZE)), np.inf, 0.0
     steps = np.array([0.01 * depth, 0.01 * depth, 2e-3, 2e-3, 0.025 * depth, 0.001 / depth,
                       0.001 / depth])
-    prior = np.zeros(SIZE)  # of the radius, and of the curvature of the legs
+    prior = np.zeros(SIZE)  # information about radius and curvatures
     prior[RADIUS] = (1.5 * depth)**-2
     prior[RADIUS + 1:] = (0.03 / depth)**-2
-    # Beyond that the legs alone tell.
+    # Use only tactels near the vertex.
     near = (x - start.x)**2 + (y.reshape(-1, 1) - start.y)**2 < (4.0 * depth)**2
     weight = np.where(near, 1.0 / (noise**2 + (model_error * pressure)**2), 0.0)
     count = np.count_nonzero(weight)
@@ -188,7 +188,7 @@ def fit_corner(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, skin: np.ndar
             other = p.copy()
             other[k] += steps[k]
             slope = (corner_pressure(_shape(other), x, y, skin) - shape) / steps[k]
-            # What a change of the load would do as well is not the parameter's doing.
+            # Remove the part that a change of the load can explain.
             slope -= shape * ((weight * shape * slope).sum() / own)
             jacobian[k] = load * slope
             gradient[k] = (weight * jacobian[k] * error).sum() - prior[k] * p[k]
@@ -203,5 +203,5 @@ def fit_corner(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, skin: np.ndar
         p += change / max(math.hypot(ask.x, ask.y) / (FARTHEST * depth),
                           abs(ask.radius) / (FARTHEST * depth),
                           max(abs(ask.first), abs(ask.second)) / 0.3, 1.0)
-        p[RADIUS] = max(p[RADIUS], 0.05 * depth)  # a vertex has no slope
+        p[RADIUS] = max(p[RADIUS], 0.05 * depth)  # a sharp vertex has no derivative
     return CornerFit(_shape(p), information, chi_square, load)

@@ -1,4 +1,4 @@
-"""Map of an edge: pictures and poses in; path, corners and ends out."""
+"""Map of an edge: computes path, corners and ends from images and poses."""
 
 from typing import NamedTuple
 
@@ -14,59 +14,59 @@ from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
 from tactile_servo.edge_map.tracing import local_line, on_path
 from tactile_servo.reasons import Reason, ReasonCode
 
-PICTURES = 10  # whose points make the cloud
-SURE_PICTURES = 3  # that show the edge elsewhere before it is believed to have slipped
+PICTURES = 10  # number of images whose points form the cloud
+SURE_PICTURES = 3  # images with the edge elsewhere, after which the object counts as slipped
 NO_RIDGE = Reason(ReasonCode.EDGE_LOST, 'no ridge in the picture')
 ELSEWHERE = Reason(ReasonCode.EDGE_LOST, 'the picture shows no ridge along the path')
 
 
 class Sight(NamedTuple):
-    """What became of a picture: why it does not show the edge; whether a path began with it."""
+    """Result of an image: why it does not show the edge, and whether it began a new path."""
 
     problem: Reason | None
     begun: bool = False
 
 
 class Stand(NamedTuple):
-    """Where a pad stands on the path, measured and commanded."""
+    """Measured and commanded position of a pad on the path."""
 
-    there: np.ndarray  # (4, 4), pose of the commanded pad in the plane
-    here: float  # station of the measured pad [m],
-    aside: tuple[float, float]  # way x, y from it to the path [m],
-    along: tuple[float, float]  # and direction x, y of the path there
-    ahead: float  # station of the commanded pad [m],
-    way: tuple[float, float]  # direction of the path around it,
-    length: float  # and of the edge under the pad after a move [m]
+    there: np.ndarray  # (4, 4), commanded pose of the pad in the plane
+    here: float  # station of the measured pad [m]
+    aside: tuple[float, float]  # vector x, y from the measured pad to the path [m]
+    along: tuple[float, float]  # direction x, y of the path at the measured pad
+    ahead: float  # station of the commanded pad [m]
+    way: tuple[float, float]  # direction x, y of the path around the commanded pad
+    length: float  # length of the edge under the commanded pad after a move [m]
 
 
 class EdgeMap:
     """
-    Edge in a plane of the base frame, traced where the robot was when pictures were taken.
+    Edge in a plane of the base frame, traced from images and the robot's poses at their stamps.
 
-    The plane is that of the first picture: its x and y are the sensor's, its z the pad's
-    normal. Pictures are put into it by the pose at their stamps, so that latency only ages
-    what is seen ahead. The stiffness of the skin, line force per length and indentation [N/m^2],
-    tells the height of the edge.
+    The plane is that of the first image: its x and y are the sensor's, its z is the pad's normal.
+    Images are transformed into the plane with the pose at their stamps, so that latency only
+    delays the view ahead. The stiffness of the skin, line force per indentation [N/m^2],
+    determines the height of the edge.
     """
 
     def __init__(self, skin_stiffness: float):
         self.skin_stiffness = skin_stiffness
-        # None until there was a picture, and a ridge in it: whoever asks for more knows that.
+        # None before the first image, or for `path` the first ridge; callers ensure this.
         self.plane: np.ndarray = None  # type: ignore[assignment]  # (4, 4), base frame -> plane
-        self.picture: Picture = None  # type: ignore[assignment]  # the newest one,
+        self.picture: Picture = None  # type: ignore[assignment]  # newest image
         self.scale: PadScale = None  # type: ignore[assignment]  # lengths of its pad
-        # The newest one; that of an edge that was lost stays until another begins.
+        # Newest path; the path of a lost edge remains until a new one begins.
         self.path: TracedPath = None  # type: ignore[assignment]
-        self.station = 0.0  # of the pad on the path at the newest picture that shows it [m]
-        self._axes: list[list[float]] = []  # of the plane, x and y, in the base frame
-        self._cloud = np.empty(0, CLOUD_POINT)  # of the last pictures,
-        self._counts: list[int] = []  # so many points of each
-        self.followed = False  # whether the newest path is one that pictures still extend
-        self._off_path = 0
-        self._near: np.ndarray | None = None  # nodes around the pad, an open end led on
+        self.station = 0.0  # station of the pad in the newest image that shows the edge [m]
+        self._axes: list[list[float]] = []  # x and y axes of the plane in the base frame
+        self._cloud = np.empty(0, CLOUD_POINT)  # points of the last images
+        self._counts: list[int] = []  # number of points of each image
+        self.followed = False  # True while images extend the newest path
+        self._off_path = 0  # number of successive images off the path
+        self._near: np.ndarray | None = None  # nodes around the pad, extended at an open end
 
     def see(self, image: TactileImage, pose: np.ndarray) -> Reason | None:
-        """Take an image and the pose (4, 4) of the sensor in the base frame at its stamp."""
+        """Read an image at the sensor's pose (4, 4) in the base frame; return any problem."""
         plane = np.linalg.inv(pose) if self.plane is None else self.plane
         picture = read_picture(image, plane @ pose, self.skin_stiffness)
         if isinstance(picture, Reason):
@@ -78,10 +78,10 @@ class EdgeMap:
 
     def follow(self, direction: int, anew: bool = False) -> Sight:
         """
-        Extend the path by what the newest picture shows.
+        Extend the path with the newest image.
 
-        A path begins along the sensor's y, or against it where `direction` is -1; with `anew`
-        whatever is known.
+        A new path begins along the sensor's y, or against it if `direction` is -1. With `anew` a
+        new path begins in any case.
         """
         picture = self.picture
         if len(picture.points) < 3:
@@ -94,7 +94,7 @@ class EdgeMap:
         share, station = on_path(
             self._cloud[-len(picture.points):], self._near, self.scale.grain,
             self.path.nodes, picture.x, picture.y, self.station - window, self.station + window)
-        if share > 0.4:  # of its points are on the path, or it shows something else
+        if share > 0.4:  # enough of the image's points are on the path
             self._off_path, self.station = 0, station
             self.path.refine(picture, station)
             self.path.extend(self._cloud, picture, self.station)
@@ -110,7 +110,7 @@ class EdgeMap:
         return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
 
     def _begin(self, heading: np.ndarray, may_close: bool) -> Sight:
-        """Begin a path at the point of the ridge that is nearest to the pad's centre."""
+        """Begin a path at the ridge point nearest to the pad's centre."""
         picture, cloud = self.picture, self._cloud
         may_close = may_close and (self.path is None or self.path.may_close)
         self._off_path, self.followed = 0, False
@@ -130,7 +130,7 @@ class EdgeMap:
         return Sight(None, True)
 
     def _remember(self, seen: np.ndarray) -> None:
-        """Put the points of a picture to those of the last ones."""
+        """Add the points of an image to the cloud of the last images."""
         kept = self._counts[1 - PICTURES:]
         self._cloud = joined([self._cloud[len(self._cloud) - sum(kept):], seen], CLOUD_POINT)
         self._counts = [*kept, len(seen)]
@@ -141,12 +141,12 @@ class EdgeMap:
                                         path.open_start, path.end is PathEnd.VIEW))
 
     def way_in_base(self, x: float, y: float) -> tuple[float, float, float]:
-        """Direction x, y of the plane in the base frame."""
+        """Transform a direction x, y of the plane to the base frame."""
         (ax, ay, az), (bx, by, bz) = self._axes
         return x * ax + y * bx, x * ay + y * by, x * az + y * bz
 
     def contour(self) -> np.ndarray | None:
-        """Edge as far as the pad has come, in the base frame (N, 3) [m]; None without a path."""
+        """Return the edge up to the pad, in the base frame (N, 3) [m]; None without a path."""
         path = self.path
         if path is None:
             return None
@@ -158,16 +158,16 @@ class EdgeMap:
 
     @property
     def closed(self) -> bool:
-        """Whether the path has met its start."""
+        """True if the path has reached its start."""
         return self.path is not None and self.path.end is PathEnd.CLOSED
 
     def stand(self, pose: np.ndarray, commanded: np.ndarray, here: float, ahead: float,
               move: tuple[float, float] = (0.0, 0.0)) -> Stand:
         """
-        Where the pad stands at a measured and a commanded pose (4, 4) of the base frame.
+        Locate the pad on the path, for a measured and a commanded pose (4, 4) in the base frame.
 
-        `here` and `ahead` are the stations of both in the last cycle [m]; `move` is the way x, y
-        from the commanded one, at the end of which the length under the pad is wanted [m].
+        `here` and `ahead` are the stations of both poses in the last cycle [m]. The length under
+        the pad is computed after a displacement `move` x, y of the commanded pose [m].
         """
         scale, there = self.scale, np.empty((4, 4))
         return Stand(there, *path_queries.stand(
@@ -176,10 +176,10 @@ class EdgeMap:
 
     def at_picture(self, direction: int, ahead: float) -> tuple[float, float, float, float]:
         """
-        Errors of the pad at the newest picture, lateral [m] and angle [rad] in its own frame.
+        Return errors of the pad in the newest image, length of the edge under it, and slope.
 
-        With them the length of the edge under the pad [m], and the edge's rise along itself around
-        a station ahead [m], NaN where that is not known.
+        The errors are lateral [m] and angular [rad], in the pad's frame; the length is in [m]. The
+        slope is that of the edge around the station `ahead` [m], NaN if it is unknown.
         """
         scale = self.scale
         return path_queries.at_picture(
@@ -187,19 +187,19 @@ class EdgeMap:
             scale.grain, direction, self.station, ahead, self.path.end is PathEnd.RIDGE)
 
     def way(self, first: float, last: float) -> tuple[float, float]:
-        """Direction x, y of the path between two stations [m], beyond its end straight on."""
+        """Return the direction x, y between two stations [m]; beyond the end, that of its end."""
         return path_queries.direction(self.path.nodes, first, last, self.scale.grain)
 
     def speed_limit(self, station: float, top: float, acceleration: float, end_speed: float,
                     cut: float, settle: float) -> float:
-        """Largest speed at a station [m/s]; see `speed_profile`."""
+        """Return the largest speed at a station [m/s], see `speed_profile`."""
         nodes = self.path.nodes
         seen = len(nodes) - (self.path.end is PathEnd.RIDGE)
         return path_queries.speed_profile(
             nodes[:seen], station, top, acceleration, end_speed, cut, settle)
 
     def corner_at(self, station: float) -> Corner | None:
-        """Corner that stands for the edge at a station [m]."""
+        """Return the corner that replaces the edge at a station [m], or None."""
         for corner in self.path.corners:
             if corner.entry <= station <= corner.leave:
                 return corner

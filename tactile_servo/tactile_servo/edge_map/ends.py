@@ -1,4 +1,4 @@
-"""Where a leg of the path ends: it fades, goes on beyond a gap, or turns into another leg."""
+"""End of a leg of the path: it fades, continues beyond a gap, or turns into another leg."""
 
 import numpy as np
 
@@ -9,20 +9,20 @@ from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.records import joined, nodes_of
 from tactile_servo.edge_map.tracing import local_line, STEP
 
-TIP = 8  # nodes at the end of a ridge among which it fades
-FEWEST = 3  # points of another leg
-GAP_REACH = 18.0 / 12.7  # of half the pad: a gap that it spans, corner to corner
+TIP = 8  # number of nodes over which a ridge fades at its end
+FEWEST = 3  # least number of points of another leg
+GAP_REACH = 18.0 / 12.7  # longest gap that the pad spans from corner to corner, in half pads
 
 
 def left_of(way: np.ndarray) -> np.ndarray:
-    """Unit vector (2,) to the left of a direction (2,)."""
+    """Return the unit vector (2,) to the left of a direction (2,)."""
     x, y = way
     return np.array([-y, x])
 
 
 def led_on(nodes: np.ndarray, reach: float) -> np.ndarray:
-    """Lead a path straight on beyond the end of its ridge by a last node without material."""
-    # Single nodes are uncertain where a ridge fades: means of several give the line.
+    """Extend a path straight beyond the end of its ridge, by a last node without material."""
+    # Single nodes are uncertain where a ridge fades: use means of several.
     tail, last = nodes[-2 * TIP:]['place'], nodes[-1:]
     half = len(tail) // 2
     middle, way = tail[half:].mean(axis=0), last['way'][0]
@@ -36,23 +36,23 @@ def led_on(nodes: np.ndarray, reach: float) -> np.ndarray:
 
 def faded(leg: np.ndarray, height: float) -> int:
     """
-    Count the nodes at the tip of a ridge that reach beyond the edge by its blur.
+    Count the nodes at the end of a ridge that exist only because of the blur.
 
-    leg : ndarray of NODE, shape (N,); height of the pad's surface [m].
+    `leg` is an ndarray (N,) of NODE, `height` that of the pad's surface [m].
     """
     if len(leg) < 3 * TIP:
         return 0
     indentation = height - leg['z'][-3 * TIP:]
-    # At the end of a line load the pressure is half of that along it.
+    # At the end of a line load, the pressure is half of its value along the line.
     faint = indentation < 0.5 * np.median(indentation[:2 * TIP])
     return int(faint[::-1].argmin()) if not faint.all() else 0
 
 
 def way_over_gap(cloud: np.ndarray, last: np.ndarray, scale: PadScale) -> np.ndarray | None:
     """
-    Nodes from the end of a ridge to where it goes on straight ahead, or None.
+    Return nodes across a gap, from the end of a ridge to its continuation ahead, or None.
 
-    cloud : ndarray of CLOUD_POINT; last : ndarray of NODE, shape (1,).
+    `cloud` is an ndarray of CLOUD_POINT, `last` an ndarray (1,) of NODE.
     """
     step, (here,), (way,) = STEP * scale.grain, last['place'], last['way']
     relative = cloud['place'] - here
@@ -73,7 +73,7 @@ def way_over_gap(cloud: np.ndarray, last: np.ndarray, scale: PadScale) -> np.nda
 
 
 def sharp_turn(leg: np.ndarray, depth: float) -> CornerShape | None:
-    """Guess a corner where a leg turns most, if it turns as a corner does."""
+    """Guess a corner at the sharpest turn of a leg; return None if it is a curve."""
     first, last = sharpest_turn(leg, 0.8 * LEAST_TURN)
     if first < 0:
         return None
@@ -82,7 +82,7 @@ def sharp_turn(leg: np.ndarray, depth: float) -> CornerShape | None:
 
 
 def acute_turn(cloud: np.ndarray, leg: np.ndarray, scale: PadScale) -> CornerShape | None:
-    """Guess an acute corner: another leg that begins where this one ends."""
+    """Guess an acute corner, from another leg that begins at the end of this one."""
     if len(leg) < TIP:
         return None
     last = leg['place'][-1]

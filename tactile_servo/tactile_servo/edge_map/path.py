@@ -1,4 +1,4 @@
-"""Form of a path: its legs and headings, its sharpest turn, where it closes, what is near."""
+"""Geometry of a path: legs, headings, sharpest turn, closing node and nodes near the pad."""
 
 import math
 from typing import Any
@@ -9,19 +9,19 @@ from tactile_common.kernels import njit
 from tactile_servo.edge_map.records import NODE, Record, Records
 from tactile_servo.edge_map.tracing import STEP, trace
 
-NEAR_TURN, FAR_TURN = 4, 9  # nodes either side over which a turn is measured
-SHARPNESS = 0.58  # share of the turn that the near nodes must see for a corner
+NEAR_TURN, FAR_TURN = 4, 9  # nodes on each side over which a turn is measured
+SHARPNESS = 0.58  # least share of the far nodes' turn within the near nodes, for a corner
 # Vertex of a corner in the plane, reach before it [m], and direction of its first leg [rad].
 ZONE = np.dtype([(name, np.float64) for name in ('x', 'y', 'reach', 'way')])
 
 
 @njit(cache=True)
 def headings(nodes: np.ndarray) -> np.ndarray:
-    """Angles (N,) of the directions of nodes, without jumps of a turn [rad]."""
+    """Return the unwrapped angles (N,) of the directions of nodes [rad]."""
     angles = np.empty(len(nodes))
     for k in range(len(nodes)):
         angles[k] = math.atan2(nodes[k].ty, nodes[k].tx)
-        if k:  # whole turns are taken off exactly, so that equal turns stay equal
+        if k:  # subtract whole turns exactly, so that equal turns stay equal
             angles[k] -= 2.0 * math.pi * np.rint((angles[k] - angles[k - 1]) / (2.0 * math.pi))
     return angles
 
@@ -29,16 +29,16 @@ def headings(nodes: np.ndarray) -> np.ndarray:
 @njit(cache=True)
 def unblurred(leg: np.ndarray, blur: float, step: float, depth: float) -> np.ndarray:
     """
-    Move the nodes of a curve out to where the edge must lie: the skin blurs it in.
+    Move the nodes of a curve outwards to the edge: the blur of the skin moves the ridge inwards.
 
-    The nodes (N,) are one `step` [m] apart, the tactels `depth` [m] deep; `blur` is how far a
-    ridge lies inside of a curve, times the curve's radius [m^2].
+    The nodes (N,) are one `step` [m] apart, the tactels are `depth` [m] deep. `blur` is the
+    distance by which the ridge is inside of a curve, times the radius of the curve [m^2].
     """
     count = len(leg)
     moved = leg.copy()
     if count < 6:
         return moved
-    most = 0.6 / depth  # a sharper curve is blurred by the skin
+    most = 0.6 / depth  # larger curvatures are not visible through the skin
     angles, span = headings(leg), min(5, (count - 1) // 2)
     for k in range(count):
         middle = min(max(k, span), count - 1 - span)
@@ -52,9 +52,9 @@ def unblurred(leg: np.ndarray, blur: float, step: float, depth: float) -> np.nda
 @njit(cache=True)
 def sharpest_turn(leg: np.ndarray, least: float) -> tuple[int, int]:
     """
-    Indices of the nodes before and after the sharpest turn of a leg (N,), or -1, -1.
+    Return the indices of the nodes before and after the sharpest turn of a leg (N,), or -1, -1.
 
-    There is none where it turns by less than `least` [rad], or as evenly as a curve does.
+    There is none if the leg turns by less than `least` [rad] or as evenly as a curve.
     """
     count = len(leg)
     if count <= 2 * NEAR_TURN + 2:
@@ -73,7 +73,7 @@ def sharpest_turn(leg: np.ndarray, least: float) -> tuple[int, int]:
 
 @njit(cache=True)
 def measure(nodes: np.ndarray, begin: int) -> None:
-    """Set the stations of nodes (N,) from one on, which is not the first."""
+    """Set the stations of nodes (N,) from index `begin` > 0 on."""
     for k in range(begin, len(nodes)):
         x, y = nodes[k].x - nodes[k - 1].x, nodes[k].y - nodes[k - 1].y
         nodes[k].station = nodes[k - 1].station + math.sqrt(x * x + y * y)
@@ -83,14 +83,14 @@ def measure(nodes: np.ndarray, begin: int) -> None:
 def with_leg(nodes: np.ndarray, cloud: np.ndarray, zones: np.ndarray, length: float, grain: float,
              depth: float) -> tuple[np.ndarray, int]:
     """
-    Go on from the last of nodes (N,) along the ridge, up to the first corner's zone.
+    Extend nodes (N,) along the ridge, up to the zone of the first corner.
 
     Returns
     -------
     ndarray of NODE (N + M,)
-        With the M nodes of the leg, `length` [m] at the most, where the edge must lie.
+        The nodes with M nodes of the leg, at most `length` [m] long, corrected for the blur.
     int
-        Index of the zone that the leg enters, of ZONE (K,); -1 if it enters none.
+        Index of the zone in ZONE (K,) that the leg enters; -1 if it enters none.
     """
     count, zone = len(nodes), -1
     traced = trace(cloud, nodes[count - 1:], length, grain)
@@ -103,7 +103,7 @@ def with_leg(nodes: np.ndarray, cloud: np.ndarray, zones: np.ndarray, length: fl
             zone, cut = k, max(first - 1, 0)
     grown = np.empty(count + cut, NODE)
     grown[:count] = nodes
-    # A ridge lies inside of a curve by 0.6 of the squared depth over the radius.
+    # A ridge is inside of a curve by 0.6 times the squared depth over the radius.
     grown[count:] = unblurred(leg[:cut + 1], 0.6 * depth * depth, STEP * grain, depth)[1:]
     measure(grown, count)
     return grown, zone
@@ -111,7 +111,7 @@ def with_leg(nodes: np.ndarray, cloud: np.ndarray, zones: np.ndarray, length: fl
 
 @njit(cache=True)
 def entry_node(leg: np.ndarray, zone: Record, grain: float) -> int:
-    """Index of the first node of a leg in the zone of a corner, or -1."""
+    """Return the index of the first node of a leg in the zone of a corner, or -1."""
     cos, sin = math.cos(zone.way), math.sin(zone.way)
     for k in range(len(leg)):
         dx, dy = leg[k].x - zone.x, leg[k].y - zone.y
@@ -124,10 +124,10 @@ def entry_node(leg: np.ndarray, zone: Record, grain: float) -> int:
 @njit(cache=True)
 def closing_node(nodes: Records, station: float, begin: float, reach: float) -> int:
     """
-    Index of the node beyond a station at which the path meets its start, or -1.
+    Return the index of the node at which the path meets its start, or -1.
 
-    Of the nodes (N,), those beyond the station count [m] that are within `reach` [m] of the start,
-    which is known well from the station `begin` on.
+    Only nodes beyond `station` [m] and within `reach` [m] of the start are considered. The start
+    is the node at the station `begin`, from which on the path is accurate.
     """
     start = nodes[min(np.searchsorted(nodes.station, begin), len(nodes) - 1)]
     nearest, best = np.inf, -1
@@ -146,9 +146,9 @@ def closing_node(nodes: Records, station: float, begin: float, reach: float) -> 
 def nodes_from(nodes: Records, station: float, reach: float, open_start: bool,
                open_end: bool) -> np.ndarray:
     """
-    Nodes (M,) from a station on, an open start and end led straight on by `reach` [m].
+    Return nodes (M,) from a station on, with open start and end extended straight by `reach` [m].
 
-    A start that lies before the station is not led on; the last node is always among them.
+    The start is extended only if it is among these nodes. The last node is always included.
     """
     first: Any = min(np.searchsorted(nodes.station, station, side='right'), len(nodes) - 1)
     before = 1 if open_start and first == 0 else 0

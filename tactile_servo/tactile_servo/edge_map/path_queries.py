@@ -1,4 +1,4 @@
-"""What a path is asked for at a station: place, rise, length on a pad, speed."""
+"""Queries of a path at a station: place, slope, length on a pad, speed."""
 
 import math
 from typing import Any
@@ -13,10 +13,10 @@ from tactile_servo.edge_map.tracing import STEP
 
 Way = tuple[float, float]  # x, y
 
-CLEAR = 7  # nodes either side of a turn whose pressure does not tell their height
-STEEPEST = 0.5  # rise per length that is believed
+CLEAR = 7  # nodes on each side of a turn whose pressure does not give their height
+STEEPEST = 0.5  # largest slope
 
-WINDOW = 7.5  # grains either way in which the measured pad is looked for
+WINDOW = 7.5  # grains on each side in which the measured pad is searched
 
 
 @njit(cache=True)
@@ -24,24 +24,25 @@ def stand(nodes: Records, near: np.ndarray, plane: np.ndarray, pose: np.ndarray,
           commanded: np.ndarray, half_x: float, half_y: float, grain: float, here: float,
           ahead: float, move: Way, there: np.ndarray) -> tuple[float, Way, Way, float, Way, float]:
     """
-    Values of a `Stand`: where a pad stands on a path, measured and commanded.
+    Compute the values of a `Stand`: measured and commanded position of a pad on a path.
 
-    Everything that a control cycle asks is asked at once: a call takes longer than an answer.
+    One call gives all values of a control cycle, because calls cost more than the computation.
 
     Parameters
     ----------
     nodes, near : ndarray of NODE (N,), (M,)
-        Path, and what of it the pad can reach.
+        Path, and its part that the pad can reach.
     plane, pose, commanded : ndarray (4, 4)
-        Of the plane, and of the pad in the base frame.
+        Transform from the base frame to the plane; measured and commanded pose of the pad in the
+        base frame.
     half_x, half_y, grain : float
-        Half of the pad's sides, and what a picture resolves [m].
+        Half sides of the pad, and resolution of an image [m].
     here, ahead : float
         Stations of the measured and the commanded pad in the last cycle [m].
     move : tuple of float
-        Way x, y of the commanded pad, after which the length under it is wanted [m].
+        Displacement x, y of the commanded pad, after which the length is computed [m].
     there : ndarray (4, 4)
-        The commanded pad's pose in the plane is written into it.
+        Output: pose of the commanded pad in the plane.
     """
     for i in range(4):
         for j in range(4):
@@ -54,7 +55,7 @@ def stand(nodes: Records, near: np.ndarray, plane: np.ndarray, pose: np.ndarray,
         y += plane[1, k] * pose[k, 3]
     at = nearest_on_polyline(
         nodes.x, nodes.y, nodes.station, x, y, here - WINDOW * grain, here + WINDOW * grain)
-    window, chord = 2.5 * grain, 2.0 * grain  # the pad is turned along the latter
+    window, chord = 2.5 * grain, 2.0 * grain  # the pad is aligned with the chord
     ahead = nearest_on_polyline(
         nodes.x, nodes.y, nodes.station, there[0, 3], there[1, 3], ahead - window,
         ahead + window).station
@@ -68,10 +69,10 @@ def at_picture(nodes: Records, near: np.ndarray, pose: np.ndarray, half_x: float
                grain: float, sense: int, station: float, ahead: float,
                ends: bool) -> tuple[float, float, float, float]:
     """
-    Lateral [m] and angular error of a pad at a pose in the plane, length under it, rise ahead.
+    Return a pad's lateral [m] and angular error, the length under it [m] and the slope ahead.
 
-    `sense` is +1 or -1, of the pad's y along the path; the pad is looked for about a station [m];
-    for the rise, see `rise`; else as in `stand`.
+    `pose` is in the plane. `sense` is +1 if the pad's y points along the path, otherwise -1. The
+    pad is searched around `station` [m]. For the slope see `rise`, for other arguments `stand`.
     """
     window = 5.0 * grain
     at = nearest_on_polyline(nodes.x, nodes.y, nodes.station, pose[0, 3], pose[1, 3],
@@ -85,7 +86,7 @@ def at_picture(nodes: Records, near: np.ndarray, pose: np.ndarray, half_x: float
 
 @njit(cache=True)
 def to_sensor(turned: np.ndarray, pose: np.ndarray, *twist: float) -> None:
-    """Write a twist (6,) in the frame of a pose, from its components in the frame around it."""
+    """Transform a twist (6,) from the pose's parent frame to its own; write it to `turned`."""
     for k in range(3):
         turned[k] = pose[0, k] * twist[0] + pose[1, k] * twist[1] + pose[2, k] * twist[2]
         turned[3 + k] = pose[0, k] * twist[3] + pose[1, k] * twist[4] + pose[2, k] * twist[5]
@@ -93,7 +94,7 @@ def to_sensor(turned: np.ndarray, pose: np.ndarray, *twist: float) -> None:
 
 @njit(cache=True)
 def place_at(nodes: Records, station: float) -> tuple[float, float, float]:
-    """Place (x, y, z) of a path at a station [m], its ends beyond them."""
+    """Return the place (x, y, z) at a station [m], clipped to the ends of the path."""
     last: Any = min(max(np.searchsorted(nodes.station, station), 1), len(nodes) - 1)
     a, b = nodes[max(last - 1, 0)], nodes[last]
     length = b.station - a.station
@@ -103,7 +104,7 @@ def place_at(nodes: Records, station: float) -> tuple[float, float, float]:
 
 @njit(cache=True)
 def direction(nodes: np.ndarray, first: float, last: float, grain: float) -> Way:
-    """Direction (x, y) between two stations of a path [m], beyond its end straight on."""
+    """Return the direction (x, y) between two stations [m]; beyond the end, that of its end."""
     x0, y0, _ = place_at(nodes, first)
     x1, y1, _ = place_at(nodes, last)
     length = math.hypot(x1 - x0, y1 - y0)
@@ -115,11 +116,11 @@ def direction(nodes: np.ndarray, first: float, last: float, grain: float) -> Way
 @njit(cache=True)
 def rise(nodes: Records, station: float, reach: float, step: float, ends: bool) -> float:
     """
-    Rise of an edge along itself around a station, from the heights of its nodes.
+    Return the slope of an edge around a station, from the heights of its nodes.
 
-    Over `reach` [m] to either side; nodes (N,) are a `step` [m] apart. Left out is what lies near
-    a turn, a gap or, if it `ends`, the end: there the pressure does not tell the height. NaN where
-    too little is left.
+    The nodes (N,) are a `step` [m] apart; those within `reach` [m] are used. Nodes near a turn, a
+    gap or, if the edge `ends`, the end are excluded: their pressure does not give the height. NaN
+    if too few nodes remain.
     """
     count = len(nodes)
     first = np.searchsorted(nodes.station, station - reach)
@@ -151,19 +152,19 @@ def rise(nodes: Records, station: float, reach: float, step: float, ends: bool) 
 def speed_profile(nodes: Records, here: float, top: float, acceleration: float, end_speed: float,
                   cut: float, settle: float) -> float:
     """
-    Largest speed at a station from which every turn ahead can be taken.
+    Return the largest speed at a station that is compatible with all turns ahead.
 
-    A vertex that turns by phi between chords of mean length l is passed as a circle of
-    radius l / phi; a sharp one at the speed of the circle that cuts it by `cut`, and over a
-    distance `settle` either side of it, so that a robot that lags does not cut it either.
+    A vertex that turns by phi between chords of mean length l is passed like a circle of radius
+    l / phi. A sharp vertex is passed at the speed of the circle that cuts it by `cut`, within a
+    distance `settle` on both sides, so that a lagging robot does not cut it more.
 
     Parameters
     ----------
     nodes : ndarray of NODE (M,)
     here, top, acceleration, end_speed : float
-        Station [m], speed asked for [m/s], largest acceleration [m/s^2], speed at the end [m/s].
+        Station [m], wanted speed [m/s], largest acceleration [m/s^2], speed at the end [m/s].
     cut, settle : float
-        Allowed distance from a corner [m], see above [m].
+        Allowed distance from a sharp vertex, and distance of reduced speed around it [m].
     """
     left = max(nodes[len(nodes) - 1].station - here, 0.0)
     squared = end_speed * end_speed + 2.0 * acceleration * left
@@ -190,9 +191,9 @@ def speed_profile(nodes: Records, here: float, top: float, acceleration: float, 
 def length_on_pad(nodes: np.ndarray, pose: np.ndarray, dx: float, dy: float, half_x: float,
                   half_y: float) -> float:
     """
-    Length of a path, nodes (M,), on the pad [m], chords without material left out.
+    Return the length of a path, nodes (M,), on the pad [m], without chords that have no material.
 
-    The pad: its pose (4, 4) in the plane, moved by dx, dy, and half of its sides [m].
+    The pad has the pose (4, 4) in the plane, displaced by dx, dy, and the half sides given [m].
     """
     x, y = pose[0, 3] + dx, pose[1, 3] + dy
     yaw = math.atan2(pose[1, 0], pose[0, 0])

@@ -1,4 +1,4 @@
-"""One picture of the edge: checked, mended, placed where it was taken; the lengths of its pad."""
+"""Image of the edge: checked, repaired and located by its pose; lengths of its pad."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -21,10 +21,10 @@ IMPOSSIBLE = 1e9  # Pa
 
 class PadScale(NamedTuple):
     """
-    Lengths of a pad [m]: depth of its tactels, its pitches, half of its size and longer side.
+    Lengths of a pad [m]: depth and pitches of its tactels, half sides, grain.
 
-    A *grain* is the length that a picture resolves: the skin blurs an edge to a width of its
-    depth, and tactels that are coarser than that sample it no finer than their pitch.
+    A *grain* is the resolution of an image: the skin blurs an edge to a width of its depth, and
+    tactels that are coarser than that limit the resolution by their pitch.
     """
 
     depth: float
@@ -32,70 +32,70 @@ class PadScale(NamedTuple):
     pitch_y: float
     half_x: float
     half_y: float
-    half: float  # the longer of both
+    half: float  # the longer half side
     grain: float
 
     @classmethod
-    @lru_cache  # asked for with every picture
+    @lru_cache  # needed for every image
     def of(cls, array: TactelArray, depth: float) -> 'PadScale':
-        """Scale of an array whose tactels lie at a depth [m]."""
+        """Return the scale of an array whose tactels lie at a depth [m]."""
         half_x, half_y = array.half_width_x, array.half_width_y
         return cls(depth, array.pitch_x, array.pitch_y, half_x, half_y, max(half_x, half_y),
                    max(depth, 1.25 * max(array.pitch_x, array.pitch_y)))
 
 
-@dataclass(eq=False)  # not frozen: one is made of every image
+@dataclass(eq=False)  # not frozen, for speed: one is constructed for every image
 class Picture:
     """
-    A pressure picture and the pose at which it was taken.
+    Pressure image with the pose at which it was taken.
 
-    What it tells is found as it is made: where to look costs more than to look.
+    The constructor evaluates the whole image, because single queries would cost more.
     """
 
-    pressure: np.ndarray  # (rows, columns) [Pa]; mended from then on, so that all are finite
+    pressure: np.ndarray  # (rows, columns) [Pa]; repaired by the constructor, then all finite
     array: TactelArray
-    depth: float  # of the tactels [m]
-    noise: float  # of one tactel [Pa]; set if it is not known
-    pose: np.ndarray  # (4, 4) of the sensor in the plane's frame
+    depth: float  # depth of the tactels [m]
+    noise: float  # standard deviation of one tactel [Pa]; set to 1 % of the peak if unknown
+    pose: np.ndarray  # (4, 4), pose of the sensor in the plane's frame
     stamp_ns: int = 0
-    skin_stiffness: float = math.inf  # line force per length and indentation [N/m^2]
-    thickness: float = math.inf  # of the skin on a rigid backing [m]
+    skin_stiffness: float = math.inf  # line force per indentation [N/m^2]
+    thickness: float = math.inf  # thickness of the skin on a rigid backing [m]
     poisson: float = 0.5
 
     def __post_init__(self) -> None:
         array = self.array
         self.scale = PadScale.of(array, self.depth)
-        # (3.1) at its peak, 2 q / (pi d), gives the load, and that the indentation.
+        # The peak of (3.1), 2 q / (pi d), gives the line force q, and q gives the indentation.
         indentation = 0.5 * math.pi * self.depth / self.skin_stiffness
-        # CLOUD_POINT (N,), the ridge in the plane; length of a leg that comes, see `coming_length`
+        # `points`: ridge in the plane, CLOUD_POINT (N,); `coming`: see `coming_length`
         self.pressure, self.noise, self.invalid, total, self.points, self.coming = _look(
             np.array(self.pressure, np.float64, order='C'), self.noise, array.x, array.y,
             self.depth, self.pose, indentation)
         self.force = total * array.pitch_x * array.pitch_y
-        # Of the pad's centre in the plane [m], and of its x axis [rad].
+        # Position of the pad's centre [m] and angle of its x axis [rad], in the plane.
         (cos, _, _, self.x), (sin, _, _, self.y), (_, _, _, self.height), _ = self.pose.tolist()
         self.yaw = math.atan2(sin, cos)
 
     @property
     def skin(self) -> Skin:
-        """The skin above the tactels."""
+        """Skin above the tactels."""
         return Skin(self.depth, self.thickness, self.poisson)
 
     @property
     def place(self) -> np.ndarray:
-        """Of the pad's centre in the plane (2,) [m]."""
+        """Position (2,) of the pad's centre in the plane [m]."""
         return np.array([self.x, self.y])
 
     @cached_property
     def pull(self) -> np.ndarray | None:
-        """Unit vector in the plane (2,) from the pad's centre to where the pressure is."""
-        # Of what is above 0.3 of the highest pressure.
+        """Unit vector (2,) in the plane from the pad's centre to the load; None if centred."""
+        # Only pressures above 0.3 of the highest one count.
         way = self.pose[:2, :2] @ centre_of_load(self.pressure, self.array.x, self.array.y, 0.3)
         size = np.hypot(*way)
         return way / size if size > 0.0 else None
 
     def covers(self, x: float, y: float, margin: float = 0.0) -> bool:
-        """Whether a point of the plane lies on the pad, off its border [m]."""
+        """Return True if a point of the plane is on the pad, at least `margin` inside [m]."""
         cos, sin, dx, dy = math.cos(self.yaw), math.sin(self.yaw), x - self.x, y - self.y
         return (abs(cos * dx + sin * dy) <= self.scale.half_x - margin
                 and abs(cos * dy - sin * dx) <= self.scale.half_y - margin)
@@ -103,7 +103,7 @@ class Picture:
 
 def read_picture(image: TactileImage, pose: np.ndarray,
                  skin_stiffness: float) -> Picture | Reason:
-    """Check and mend the pressure of an image taken at a pose (4, 4) in the plane."""
+    """Check and repair an image taken at a pose (4, 4) in the plane; return why it is unusable."""
     layer = next((one for one in image.layers if one.component == 'zz'), None)
     if (layer is None or layer.unit != 'Pa' or not layer.depth > 0.0
             or not layer.thickness >= layer.depth or not 0.0 <= layer.poisson <= 0.5
@@ -113,7 +113,7 @@ def read_picture(image: TactileImage, pose: np.ndarray,
         return Reason(ReasonCode.BAD_IMAGE, 'picture without tared pressure')
     picture = Picture(layer.stress, image.array, layer.depth, float(layer.noise_std), pose,
                       image.stamp_ns, skin_stiffness, layer.thickness, layer.poisson)
-    # What is mended of more than that would be made up.
+    # With more invalid tactels, the repaired image would be mostly invented.
     if picture.invalid > 0.5 * picture.pressure.size:
         return Reason(ReasonCode.BAD_IMAGE, 'picture with too many invalid tactels')
     return picture
@@ -123,20 +123,23 @@ def read_picture(image: TactileImage, pose: np.ndarray,
 def indentation_of(points: np.ndarray, pose: np.ndarray,
                    half: float) -> tuple[bool, float, np.ndarray]:
     """
-    Indentation at the pad's centre [m], and the way (3,) along which it grows, by a picture.
+    Return the indentation at the pad's centre and the direction in which it increases.
 
     Parameters
     ----------
     points : ndarray of CLOUD_POINT (N,)
-        Of a ridge that was seen at `pose` (4, 4), of a pad whose half is so long [m].
+        Ridge of an image that was taken at `pose` (4, 4).
+    half : float
+        Longer half side of the pad [m].
 
     Returns
     -------
     found : bool
-        Whether the ridge crosses the pad and is level enough to tell.
+        True if the ridge crosses the pad and is straight enough for a result.
     depth : float
+        Indentation [m].
     normal : ndarray, shape (3,)
-        In the plane.
+        Unit vector in the plane's frame.
     """
     to_own, count = np.ascontiguousarray(pose[:3, :3].T), len(points)
     rows, depths, weights = np.ones((count, 3)), np.empty(count), np.empty(count)
@@ -145,7 +148,7 @@ def indentation_of(points: np.ndarray, pose: np.ndarray,
                                  points[n].z - pose[2, 3]])
         rows[n, 1], rows[n, 2], depths[n], weights[n] = own[0], own[1], -own[2], points[n].weight
     total = weights.sum()
-    # An edge says nothing of the rise across it, which is none then.
+    # The slope across an edge is undetermined; this prior makes it 0.
     level = 1e-3 * half**2
     normal = (rows.T * weights) @ rows + total * np.diag(np.array([1e-12, level, level]))
     depth, rise_x, rise_y = np.linalg.solve(normal, (rows.T * weights) @ depths)
@@ -163,9 +166,10 @@ def _look(pressure: np.ndarray, noise: float, x: np.ndarray, y: np.ndarray, dept
           pose: np.ndarray,
           indentation: float) -> tuple[np.ndarray, float, int, float, np.ndarray, float]:
     """
-    Look at a picture (rows, columns), whose impossible values are made NaN.
+    Evaluate an image (rows, columns); impossible values are set to NaN in place.
 
-    Returns it mended, noise, count of the impossible, sum, ridge in the plane, coming length.
+    Returns the repaired image, noise, number of impossible values, sum of the pressures, ridge in
+    the plane and coming length.
     """
     invalid, peak = _drop_impossible(pressure)
     if not 0.0 < noise < IMPOSSIBLE:
@@ -178,7 +182,7 @@ def _look(pressure: np.ndarray, noise: float, x: np.ndarray, y: np.ndarray, dept
 
 @njit(cache=True)
 def _drop_impossible(pressure: np.ndarray) -> tuple[int, float]:
-    """Make impossible values NaN; how many there were, and the highest of the others."""
+    """Set impossible values to NaN; return their number and the largest other value."""
     invalid, peak = 0, 0.0
     for r in range(pressure.shape[0]):
         for c in range(pressure.shape[1]):

@@ -1,4 +1,4 @@
-"""Path of an edge in its plane, traced anew ahead of the pad with every picture."""
+"""Path of an edge in its plane; every image replaces the part ahead of the pad."""
 
 from enum import Enum
 from itertools import pairwise
@@ -16,16 +16,16 @@ from tactile_servo.edge_map.picture import Picture
 from tactile_servo.edge_map.records import joined, retyped
 from tactile_servo.edge_map.tracing import STEP, trace
 
-DENIALS = 3  # pictures one after the other that show no such corner, until it is dropped
-SEEN_BORDER = 1.65  # depths from the pad's border where a ridge looks as it does at its end
+DENIALS = 3  # successive images without a corner after which it is removed
+SEEN_BORDER = 1.65  # depths from the pad's border within which a ridge seems to end
 
-# In grains, see `PadScale`: where what is near cannot be told apart.
-KEEP_BEHIND = 1.0  # behind the pad's centre the path is no longer changed
-CLOSING = 0.6  # from the start within which a contour closes
+# Distances in grains, the resolution, see `PadScale`:
+KEEP_BEHIND = 1.0  # behind the pad's centre, from where on the path is no longer changed
+CLOSING = 0.6  # from the start, within which a contour closes
 
-# In half sizes of the pad: what it can see, and what it must have left behind.
-BEHIND = 30.0 / 12.7  # around the pad of which the load is reckoned
-SHORTEST_CONTOUR = 50.0 / 12.7  # nearly twice the pad: what is smaller has no edge to follow
+# Distances in half sizes of the pad:
+BEHIND = 30.0 / 12.7  # around the pad, within which the path is used for the load
+SHORTEST_CONTOUR = 50.0 / 12.7  # nearly two pads: smaller objects have no edge to follow
 
 
 class PathEnd(Enum):
@@ -37,7 +37,7 @@ class PathEnd(Enum):
 
 
 class Piece(NamedTuple):
-    """Part of a path: its first node, and the corner that it is, if it is one."""
+    """Part of a path: its first node, and its corner if the part is one."""
 
     first: int
     corner: Corner | None = None
@@ -45,9 +45,9 @@ class Piece(NamedTuple):
 
 class TracedPath:
     """
-    Path that begins at a node (1,) of the ridge, whose station counts, traced through a cloud.
+    Path from a node (1,) of the ridge with its station, traced through a cloud.
 
-    It may not close if it does not begin at the start of the contour.
+    With `may_close` false it does not close: then it does not begin at the contour's start.
     """
 
     def __init__(self, start: np.ndarray, cloud: np.ndarray, picture: Picture,
@@ -61,14 +61,14 @@ class TracedPath:
         against['way'] *= -1.0
         back = trace(cloud, against, self._ahead, self.scale.grain)[::-1].copy()
         back['way'] *= -1.0
-        # Whether the edge may go on before the first node.
+        # True if the edge may continue before the first node.
         x, y = back['place'][0].tolist() if len(back) else (math.inf, math.inf)
         self.open_start = not picture.covers(x, y, SEEN_BORDER * picture.depth)
         self.nodes = joined([back, start])
         (self.began,) = start['station'].tolist()
         self.nodes['station'][0] = self.began - len(back) * self._step
         measure(self.nodes, 1)
-        self.tip = 0.0  # station of the last node that was seen [m]
+        self.tip = 0.0  # station of the last traced node [m]
         self.extend(cloud, picture, self.began)
 
     @property
@@ -77,11 +77,11 @@ class TracedPath:
 
     @property
     def _ahead(self) -> float:
-        """Way that is traced [m]: beyond a corner of the pad, or through one of the edge."""
+        """Traced distance [m]: beyond a corner of the pad, or through a corner of the edge."""
         return max(22.0 / 12.7 * self.scale.half, 11.0 * self.scale.depth)
 
     def extend(self, cloud: np.ndarray, picture: Picture, station: float) -> None:
-        """Trace anew what lies ahead of a station [m]."""
+        """Trace the path ahead of a station [m] again."""
         if self.end is PathEnd.CLOSED:
             return
         stations, behind = self.nodes['station'], station - KEEP_BEHIND * self.scale.grain
@@ -97,7 +97,7 @@ class TracedPath:
                 break
             nodes, pieces = self._trace_on(cloud, picture, head, station)
         if ended and len(nodes) - kept < TIP:
-            # A few nodes where the ridge faded do not say that it goes on, nor where to.
+            # A few nodes where the ridge faded do not show that it continues, or where.
             nodes, pieces, self.end = head, [], PathEnd.RIDGE
         self.nodes, stations = nodes, nodes['station']
         for piece, after in pairwise([*pieces, Piece(len(nodes))]):
@@ -112,7 +112,7 @@ class TracedPath:
 
     def _trace_on(self, cloud: np.ndarray, picture: Picture, head: np.ndarray,
                   station: float) -> tuple[np.ndarray, list[Piece]]:
-        """Add the legs, corners and ways over gaps that follow: nodes and their pieces."""
+        """Add the legs, corners and gaps that follow; return nodes and pieces."""
         nodes, pieces, left, corners = head, [], self._ahead, self._to_come(station)
         self.end = PathEnd.VIEW
         while left > 0.0:
@@ -135,7 +135,7 @@ class TracedPath:
             else:
                 corner = corners.pop(entered)
                 turn = corner.nodes()
-                # Of a corner that is found late a part lies behind: the path must not lead back.
+                # A part of a corner that is found late is behind: the path must not turn back.
                 ahead = (turn['place'] - last['place']) @ last['way'][0] > 0.0
                 turn = turn[int(ahead.argmax()):]
                 turn['z'] = last['z']
@@ -148,14 +148,14 @@ class TracedPath:
         return nodes, pieces
 
     def _to_come(self, station: float) -> list[Corner]:
-        """Corners but those just passed; one passed long ago may come again, round a contour."""
+        """Return the corners ahead; one passed long ago may come again on a closed contour."""
         passed, again = -KEEP_BEHIND * self.scale.grain, -SHORTEST_CONTOUR * self.scale.half
         return [corner for corner in self.corners if not again < corner.leave - station < passed]
 
     def _jump(self, cloud: np.ndarray, picture: Picture, last: np.ndarray) -> np.ndarray | None:
-        """Nodes over a gap, or None: the path ends with the view or with the ridge."""
+        """Return nodes across a gap, or None if the path ends with the view or the ridge."""
         x, y, _, tx, ty, *_ = last['row'][0].tolist()
-        ahead = (x - picture.x) * tx + (y - picture.y) * ty > 0.0  # of the pad
+        ahead = (x - picture.x) * tx + (y - picture.y) * ty > 0.0  # of the pad's centre
         if ahead and not picture.covers(x, y, SEEN_BORDER * picture.depth):
             return None
         jump = ends.way_over_gap(cloud, last, self.scale)
@@ -164,7 +164,7 @@ class TracedPath:
 
     @staticmethod
     def _trimmed(nodes: np.ndarray, pieces: list[Piece], height: float) -> np.ndarray:
-        """Take off the tip of a ridge that ends."""
+        """Remove the faded tip of a ridge that ends."""
         kept = pieces[0].first
         count = ends.faded(nodes[max(kept - 3 * TIP, 0):], height)
         nodes = nodes[:max(len(nodes) - count, kept)]
@@ -174,7 +174,7 @@ class TracedPath:
 
     def _find_corner(self, cloud: np.ndarray, picture: Picture, nodes: np.ndarray,
                      pieces: list[Piece]) -> bool:
-        """Look for a corner in the last leg, or beyond its end; whether one was added."""
+        """Search a corner in the last leg or beyond its end; return True if one was added."""
         if not pieces:
             return False
         behind = pieces[-2].first if len(pieces) > 1 else 0
@@ -190,7 +190,7 @@ class TracedPath:
             if fitted is None:
                 continue
             corner = Corner(*fitted, self.scale.depth)
-            # The zones of two corners must not overlap, or the path would lead back.
+            # The zones of two corners must not overlap: the path would turn back.
             if all(self._apart(corner.shape, other) > corner.reach + other.reach
                    for other in self.corners):
                 self.corners.append(corner)
@@ -202,7 +202,7 @@ class TracedPath:
         return np.hypot(*(shape.vertex - corner.shape.vertex))
 
     def refine(self, picture: Picture, station: float) -> None:
-        """Fit the corners in view to the newest picture; drop those ahead that it denies."""
+        """Fit the corners in view to the newest image; remove those ahead without a fit."""
         for corner in list(self.corners):
             if (corner.leave < station - 2.0 * self.scale.grain
                     or not shown(picture, corner.shape)):
@@ -217,18 +217,18 @@ class TracedPath:
                     self.corners.remove(corner)
 
     def _close(self, station: float) -> None:
-        """Close the contour where the path meets its start."""
+        """Close the contour if the path meets its start."""
         shortest = SHORTEST_CONTOUR * self.scale.half
         if not self.may_close or station - self.began < shortest:
             return
-        # Behind where it began the path was seen from one place only, and not long enough.
+        # Before its beginning the path was seen from one place only, which is not accurate.
         stations, unsure = self.nodes['station'], 2.0 * self.scale.grain
         begin = max(stations.item(0), self.began) + unsure
         k = closing_node(self.nodes, station, begin, CLOSING * self.scale.grain)
         if k < 0:
             return
         again = (stations >= begin) & (stations < begin + BEHIND * self.scale.half)
-        self.closing = float(stations[k] - unsure)  # where the pad itself began
+        self.closing = float(stations[k] - unsure)  # where the pad began
         self.contour = self.nodes[:k][stations[:k] >= begin]
         self.nodes = joined([self.nodes[:k], self.nodes[again]])
         measure(self.nodes, 1)

@@ -1,4 +1,4 @@
-"""Trace an edge through a cloud of ridge points, step by step."""
+"""Tracing of an edge through a cloud of ridge points, step by step."""
 
 import math
 
@@ -8,19 +8,19 @@ from tactile_common.kernels import njit
 from tactile_common.polyline import nearest_on_polyline
 from tactile_servo.edge_map.records import CLOUD_POINT, LocalLine, NODE, Records
 
-# In grains, see `PadScale`: what one picture cannot tell apart is one line.
-STEP = 0.25  # between the nodes of a trace
-REACH = 0.9  # radius of that window
-AROUND = 1.0  # way of a trace, after which the points that it can reach are chosen anew
+# In grains, the resolution of an image, see `PadScale`:
+STEP = 0.25  # distance of the nodes of a trace
+REACH = 0.9  # radius within which points form a line
+AROUND = 1.0  # distance of a trace after which its nearby points are selected again
 
 
 @njit(cache=True)
 def into_plane(ridge: np.ndarray, pose: np.ndarray, indentation: float) -> np.ndarray:
     """
-    Put the ridge points of a picture, RIDGE_POINT (N,), into the plane: CLOUD_POINT (N,).
+    Transform ridge points RIDGE_POINT (N,) of an image into the plane: CLOUD_POINT (N,).
 
-    `pose` (4, 4) is the sensor's in the plane, `indentation` that of the skin on the ridge per
-    pressure there [m/Pa].
+    `pose` (4, 4) is the sensor's in the plane, `indentation` the indentation of the skin per
+    pressure on the ridge [m/Pa].
     """
     cloud = np.empty(len(ridge), CLOUD_POINT)
     for n in range(len(ridge)):
@@ -30,7 +30,7 @@ def into_plane(ridge: np.ndarray, pose: np.ndarray, indentation: float) -> np.nd
         cloud[n].z = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
         tx = pose[0, 0] * ridge[n].tx + pose[0, 1] * ridge[n].ty
         ty = pose[1, 0] * ridge[n].tx + pose[1, 1] * ridge[n].ty
-        length = max(math.hypot(tx, ty), 1e-12)  # square to the plane it has no way in it
+        length = max(math.hypot(tx, ty), 1e-12)  # 0 for a ridge perpendicular to the plane
         cloud[n].tx, cloud[n].ty, cloud[n].weight = tx / length, ty / length, ridge[n].quality
     return cloud
 
@@ -40,21 +40,21 @@ def trace(cloud: np.ndarray, start: np.ndarray, length: float, grain: float) -> 
     """
     Follow the ridge from a node in its direction.
 
-    Every step moves the expected place onto the weighted mean line of the points around it,
-    whose direction is that of their ridges.
+    Every step moves the expected place onto the weighted mean line of the points around it. The
+    direction of this line is the mean direction of their ridges.
 
     Parameters
     ----------
     cloud : ndarray of CLOUD_POINT (N,)
-        Points of several pictures.
+        Points of several images.
     start : ndarray of NODE (1,)
     length, grain : float
-        Where to stop at the latest, and what a picture resolves [m].
+        Largest length of the trace, and resolution of an image [m].
 
     Returns
     -------
     ndarray of NODE (M,)
-        The first one a step from the beginning; without stations.
+        Nodes without stations; the first is one step from `start`.
     """
     step = STEP * grain
     x, y, tx, ty = start[0].x, start[0].y, start[0].tx, start[0].ty
@@ -82,7 +82,7 @@ def trace(cloud: np.ndarray, start: np.ndarray, length: float, grain: float) -> 
 
 @njit(cache=True)
 def _within(cloud: np.ndarray, x: float, y: float, distance: float) -> np.ndarray:
-    """Points of a cloud within a distance of a place."""
+    """Return the points of a cloud within a distance of a place."""
     found, count = np.empty(len(cloud), CLOUD_POINT), 0
     for n in range(len(cloud)):
         dx, dy = cloud[n].x - x, cloud[n].y - y
@@ -96,9 +96,9 @@ def _within(cloud: np.ndarray, x: float, y: float, distance: float) -> np.ndarra
 def local_line(cloud: np.ndarray, x: float, y: float, tx: float, ty: float,
                grain: float) -> LocalLine:
     """
-    Mean line of the ridge near a place: LocalLine.
+    Return the mean line of the ridge near a place.
 
-    Only points whose ridge runs roughly along (tx, ty) count, and the direction has that sense.
+    Only points with a ridge roughly along (tx, ty) count; the line's direction has that sense.
     """
     width, reach = 0.35 * grain, REACH * grain
     total = mx = my = mz = sx = sy = 0.0
@@ -127,14 +127,14 @@ def local_line(cloud: np.ndarray, x: float, y: float, tx: float, ty: float,
 @njit(cache=True)
 def on_path(seen: np.ndarray, near: np.ndarray, distance: float, nodes: Records, x: float,
             y: float, first: float, last: float) -> tuple[float, float]:
-    """Share of seen points near nodes, and station of a place between two on a path [m]."""
+    """Return the share of seen points near the path, and the station of x, y on it [m]."""
     at = nearest_on_polyline(nodes.x, nodes.y, nodes.station, x, y, first, last)
     return share_near(seen, near, distance), at.station
 
 
 @njit(cache=True)
 def share_near(cloud: np.ndarray, nodes: np.ndarray, distance: float) -> float:
-    """Share of the points of a cloud that are nearer than a distance [m] to some node."""
+    """Return the share of a cloud's points that are nearer than a distance [m] to a node."""
     near = 0
     for n in range(len(cloud)):
         for k in range(len(nodes) - 1, -1, -1):
