@@ -1,1 +1,1 @@
-"""The tactile Jacobian: how features of an image change with the contact (chapter 6, C)."""
+"""Tactile Jacobian: the change of image features with the contact (chapter 6, appendix C)."""

@@ -8,21 +8,21 @@ import numpy as np
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.array import TactelArray
 
-REFERENCE = 5.0  # N, at which the sensitivity of a model is taken
+REFERENCE = 5.0  # force at which the sensitivity of a model is determined [N]
 
 
 class FeatureKind(Enum):
-    """Which three numbers stand for an image."""
+    """Kind of the three features of an image."""
 
-    MOMENTS = 'moments'  # M0 [N], Mx, My [N m]: the thesis'
+    MOMENTS = 'moments'  # M0 [N], Mx, My [N m]: those of the thesis
     CENTROID = 'centroid'  # M0 [N], Mx / M0, My / M0 [m]
 
 
 def features_of(pressure: np.ndarray, array: TactelArray, kind: FeatureKind) -> np.ndarray:
     """
-    Features (3,) of a pressure image (rows, columns) [Pa] without NaN, see `filled`.
+    Return the features (3,) of a pressure image (rows, columns) [Pa].
 
-    The centroid of an image without force is NaN.
+    The image must not contain NaN, see `filled`. The centroid of an image without force is NaN.
     """
     area = array.pitch_x * array.pitch_y
     by_column, by_row = area * pressure.sum(axis=0), area * pressure.sum(axis=1)
@@ -34,10 +34,10 @@ def features_of(pressure: np.ndarray, array: TactelArray, kind: FeatureKind) -> 
 
 def filled(pressure: np.ndarray, most: float) -> np.ndarray | None:
     """
-    Image whose NaN are the mean of the tactels around them; None if too many are NaN.
+    Replace NaN in an image by the mean of the neighbours; return None if too many are NaN.
 
-    A tactel that counted as zero would pull the centroid away from itself. `most` is the largest
-    share of the tactels that may be NaN; one among NaN alone is 0.
+    A value of zero instead would shift the centroid away from the tactel. `most` is the largest
+    allowed share of NaN. A tactel without valid neighbours becomes 0.
     """
     missing = ~np.isfinite(pressure)
     if not missing.any():
@@ -56,20 +56,20 @@ def filled(pressure: np.ndarray, most: float) -> np.ndarray | None:
 
 
 class ProbeModel(Protocol):
-    """What a probe shows of a load, as `HalfSpaceDome` and `FiniteElementDome` say it."""
+    """Model of a probe's image, for instance `HalfSpaceDome` or `FiniteElementDome`."""
 
     def image(self, state: np.ndarray) -> np.ndarray:
-        """Pressure (1, rows, columns) [Pa] of a state: a, b, normal force and shear (5,)."""
+        """Return the pressure (1, rows, columns) [Pa] for a, b, normal force and shear (5,)."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class ModelFeatures:
     """
-    Features of what a model shows of a contact (x, y, p): place on the pad [m], force [N].
+    Features of a model's image for a contact (x, y, p): place on the pad [m] and force [N].
 
-    A sensor is calibrated by the force on it: the model's image is scaled so that M0 is the
-    force at the pad's centre.
+    Sensors are calibrated by the force on them. Therefore the model's image is scaled so that M0
+    equals the force at the pad's centre.
     """
 
     model: ProbeModel
@@ -86,6 +86,6 @@ class ModelFeatures:
 
     def __call__(self, contact: np.ndarray, shear: tuple[float, float] = (0.0, 0.0)
                  ) -> np.ndarray:
-        """Features (3,) of a contact (3,) and a shear force on the skin [N]."""
+        """Return the features (3,) for a contact (3,) and a shear force on the skin [N]."""
         image = self.model.image(np.array([*contact, *shear]))[0] / self.sensitivity
         return features_of(image, self.array, self.kind)

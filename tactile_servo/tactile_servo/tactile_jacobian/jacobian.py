@@ -1,4 +1,4 @@
-"""Tactile Jacobian by least squares over small changes of the contact: (6.7), (C.10)."""
+"""Least-squares tactile Jacobian from small changes of the contact: (6.7), (C.10)."""
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,7 +13,7 @@ Features = Callable[..., np.ndarray]  # contact (3,), shear (2,) -> features (3,
 
 @dataclass(frozen=True)
 class Increments:
-    """The small changes of Table 6.1, and the friction that a differential sliding meets."""
+    """Increments of Table 6.1, and the friction during small sliding motions."""
 
     place: float = bounded(1.0e-3, 'by which the contact is moved either way', 'm', 1e-6, 0.01)
     force: float = bounded(
@@ -29,27 +29,27 @@ class Increments:
 
 
 class Cases(NamedTuple):
-    """The loading cases of Table 6.1 about a contact."""
+    """Loading cases of Table 6.1 around a contact."""
 
     motions: np.ndarray  # (6, 3), dX = (dx, dy, dp / K_z) [m]
-    changes: np.ndarray  # (6, 3), of the features
+    changes: np.ndarray  # (6, 3), changes of the features
 
 
 class TactileJacobian(NamedTuple):
-    """How features change with the place of the contact and the way along the normal."""
+    """Change of the features with the contact's place and the motion along the normal."""
 
     forward: np.ndarray  # (3, 3), dF = J dX
-    inverse: np.ndarray  # (3, 3), dX = J^-1 dF, fitted as such
-    condition: float  # of the scaled forward matrix; 1 at best
+    inverse: np.ndarray  # (3, 3), dX = J^-1 dF, fitted directly
+    condition: float  # condition number of the scaled forward matrix, at least 1
 
 
 def loading_cases(features: Features, contact: np.ndarray, increments: Increments) -> Cases:
     """
-    Changes of the features by the six changes of Table 6.1, less those of the base contact.
+    Compute the changes of the features for the six increments of Table 6.1 from a base contact.
 
-    Friction is that of an object whose contact slides over the skin by dx or dy: on the skin it
-    points the same way. (The thesis lets it oppose the increment, which makes J^-1 a third larger
-    at a coefficient of 0.5, not smaller.)
+    The contact of the object slides over the skin by dx or dy, so the friction on the skin has
+    the direction of the increment. (In the thesis it opposes the increment, which makes J^-1 a
+    third larger at a coefficient of 0.5, not smaller.)
     """
     contact = np.asarray(contact, dtype=float)
     base, motions, changes = features(contact), [], []
@@ -67,24 +67,24 @@ def loading_cases(features: Features, contact: np.ndarray, increments: Increment
 
 
 class Scale(NamedTuple):
-    """Units in which features and motions count, so that neither outweighs another."""
+    """Units of features and motions, so that all have comparable weight."""
 
     features: np.ndarray  # (3,)
     motions: np.ndarray  # (3,)
 
 
 def scale_for(kind: FeatureKind, force: float, length: float, stiffness: float) -> Scale:
-    """Units of a force [N], a length on the pad [m] and K_z [N/m]: J is near 1 at the centre."""
+    """Return units from force [N], length on the pad [m], K_z [N/m]: J is near 1 at the centre."""
     lever = length * (force if kind is FeatureKind.MOMENTS else 1.0)
     return Scale(np.array([force, lever, lever]), np.array([length, length, force / stiffness]))
 
 
 def least_squares(cases: Cases, scale: Scale) -> TactileJacobian:
     """
-    Jacobian and its inverse, each fitted to the six cases.
+    Fit the Jacobian and its inverse separately to the six cases.
 
-    The inverse is that of (C.10), whose 18 equations (the thesis counts 12) fall into three
-    groups of six, one for each row: changes @ inverse' = motions.
+    The inverse is that of (C.10). Its 18 equations (the thesis counts 12) form three groups of
+    six, one for each row: changes @ inverse' = motions.
     """
     forward = np.linalg.lstsq(cases.motions, cases.changes, rcond=None)[0].T
     scaled = cases.changes / scale.features
@@ -93,7 +93,7 @@ def least_squares(cases: Cases, scale: Scale) -> TactileJacobian:
 
 
 def condition_of(forward: np.ndarray, scale: Scale) -> float:
-    """Condition of a scaled Jacobian (3, 3); inf if it is not finite."""
+    """Return the condition number of a Jacobian (3, 3) after scaling; inf if it is not finite."""
     if not np.isfinite(forward).all():
         return np.inf
     return float(np.linalg.cond(forward * scale.motions / scale.features[:, None]))

@@ -1,4 +1,4 @@
-"""A table of tactile Jacobians over the features that belong to them (6.4.2, 6.5)."""
+"""Table of tactile Jacobians, searched by features (6.4.2, 6.5)."""
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 import os
@@ -22,26 +22,26 @@ _ARRAYS = ('contacts', 'features', 'forward', 'inverse', 'condition', 'scale')
 
 
 class Entry(NamedTuple):
-    """What a table says for an image: the inverse (3, 3), and how far its entry is, squared."""
+    """Result of a search in the table."""
 
-    inverse: np.ndarray
-    distance: float  # in scaled features
-    found: bool  # within the stop radius; else the last one was given
+    inverse: np.ndarray  # (3, 3)
+    distance: float  # squared distance to the nearest entry, in scaled features
+    found: bool  # True if within the stop radius; otherwise `inverse` is the last one found
 
 
 @dataclass(eq=False)
 class JacobianTable:
     """
-    Jacobians at contacts (x, y, p), found by the features that the contacts show.
+    Jacobians at contacts (x, y, p), searched by the features of these contacts.
 
-    The thesis' hash of r^2 finds the nearest features by a search from a sphere outwards and
-    inwards; a k-d tree finds the same ones. Features are scaled, or the one of the largest
-    numbers alone would say what is near.
+    The thesis finds the nearest features with a hash of r^2, searching from a sphere outwards and
+    inwards; a k-d tree finds the same entries. Features are scaled, because otherwise the feature
+    with the largest numbers would dominate the distance.
 
     Raises
     ------
     ConfigurationError
-        An array has another shape than it should, or no entry is usable.
+        An array has a wrong shape, the scale is not positive, or no entry is usable.
     """
 
     kind: FeatureKind
@@ -50,9 +50,9 @@ class JacobianTable:
     forward: np.ndarray  # (N, 3, 3)
     inverse: np.ndarray  # (N, 3, 3)
     condition: np.ndarray  # (N,)
-    scale: np.ndarray  # (3,), of the features
-    stop: float = 1.0  # squared distance in scaled features, beyond which nothing is near
-    usable: np.ndarray = field(init=False)  # (N,)
+    scale: np.ndarray  # (3,), units of the features
+    stop: float = 1.0  # largest squared distance of a match, in scaled features
+    usable: np.ndarray = field(init=False)  # (N,), True for finite, well-conditioned entries
 
     def __post_init__(self) -> None:
         count = len(self.contacts)
@@ -69,16 +69,16 @@ class JacobianTable:
                        & (self.condition <= 50.0))
         if not self.usable.any():
             raise ConfigurationError(f'table: none of its {count} entries is usable')
-        from scipy.spatial import cKDTree  # of 35 MB, which only this needs
+        from scipy.spatial import cKDTree  # needs 35 MB, and is used only here
         self._index = np.flatnonzero(self.usable)
         self._tree = cKDTree(self.features[self._index] / self.scale)
         self._last: np.ndarray | None = None
 
     def nearest(self, features: np.ndarray) -> Entry:
         """
-        Entry of the nearest features; beyond the stop radius the last one that was given.
+        Return the entry with the nearest features, or the last match beyond the stop radius.
 
-        Before there was one, it is the nearest all the same.
+        Without an earlier match, the nearest entry is returned in this case too.
         """
         if not np.isfinite(features).all():
             return Entry(self._fallback(self.inverse[self._index[0]]), np.inf, False)
@@ -93,7 +93,7 @@ class JacobianTable:
         return otherwise if self._last is None else self._last
 
     def save(self, path: str | os.PathLike) -> None:
-        """Write the table; `load_table` reads it."""
+        """Write the table to a file for `load_table`."""
         with open(path, 'wb') as file:
             np.savez(file, format=FORMAT, kind=self.kind.value, stop=self.stop,
                      **{name: getattr(self, name) for name in _ARRAYS})
@@ -101,12 +101,12 @@ class JacobianTable:
 
 def load_table(path: str | os.PathLike) -> JacobianTable:
     """
-    Read a table.
+    Read a table from a file.
 
     Raises
     ------
     ConfigurationError
-        The file cannot be read, is no table of this format, or holds nothing usable.
+        The file cannot be read, is not a table of this format, or contains no usable entry.
     """
     arrays = read_arrays(path, (*_ARRAYS, 'format', 'kind', 'stop'))
     if arrays['format'].tolist() != FORMAT:
@@ -120,7 +120,7 @@ def load_table(path: str | os.PathLike) -> JacobianTable:
 
 
 def grid(half_x: float, half_y: float, across: int, forces: Iterable[float]) -> np.ndarray:
-    """Contacts (N, 3), evenly spaced over a pad as in Figure 6.8, at each of the forces [N]."""
+    """Return contacts (N, 3), evenly spaced on the pad (Figure 6.8), for each force [N]."""
     shares = (np.arange(across) + 0.5) / across * 2.0 - 1.0
     return np.array([(half_x * x, half_y * y, p) for p in forces for y in shares for x in shares])
 
@@ -128,10 +128,10 @@ def grid(half_x: float, half_y: float, across: int, forces: Iterable[float]) -> 
 def build_table(features: Features, kind: FeatureKind, contacts: np.ndarray,
                 increments: Increments, length: float, force: float = 5.0) -> JacobianTable:
     """
-    Jacobians at contacts (N, 3), scaled for a `length` on the pad [m] and a `force` [N].
+    Compute Jacobians at contacts (N, 3), scaled for a `length` on the pad [m] and a `force` [N].
 
-    What is within the table is near to an entry: the stop radius is the diagonal of the widest
-    cell of the grid.
+    The stop radius is the diagonal of the largest cell of the grid, so that contacts within the
+    grid find an entry.
     """
     contacts = np.asarray(contacts, dtype=float)
     scale = scale_for(kind, force, length, increments.stiffness)
