@@ -54,7 +54,7 @@ class Corner:
     @property
     def reach(self) -> float:
         """Distance from the vertex within which the corner replaces the traced edge [m]."""
-        return self.shape.setback + 2.0 * self.depth  # farther away the corner has no blur
+        return self.shape.setback + 2.0 * self.depth  # beyond it, blur is negligible
 
     @property
     def zone(self) -> tuple[float, float, float, float]:

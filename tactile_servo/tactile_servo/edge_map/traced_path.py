@@ -174,7 +174,7 @@ class TracedPath:
 
     def _find_corner(self, cloud: np.ndarray, picture: Picture, nodes: np.ndarray,
                      pieces: list[Piece]) -> bool:
-        """Search a corner in the last leg or beyond its end; return True if one was added."""
+        """Search for a corner in the last leg or beyond its end; return True if one was added."""
         if not pieces:
             return False
         behind = pieces[-2].first if len(pieces) > 1 else 0

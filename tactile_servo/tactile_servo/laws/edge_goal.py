@@ -19,7 +19,7 @@ def refuse_edge_goal(goal: EdgeGoal) -> Refusal | None:
 
 
 def within_goal(goal: EdgeGoal, laps: LapGuard, progress: float, found: Assessment) -> Assessment:
-    """Return `found`, or the end if the length is reached or the contour cannot close."""
+    """End a goal, except in a hold, if its length is reached or its contour cannot close."""
     if found.state is not State.HOLD and 0.0 < goal.length <= progress:
         return Assessment(State.DONE, Reason(ReasonCode.LENGTH_REACHED), True)
     problem = '' if goal.length or found.state in (State.HOLD, State.DONE) else (

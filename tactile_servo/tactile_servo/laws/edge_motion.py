@@ -96,7 +96,11 @@ class EdgeMotion:
 
     def along(self, stand: Stand, agility: Agility, dt: float, *,
               may_lift: bool = False) -> tuple[float, float]:
-        """Return the velocity x, y along the path [m/s]; a low force is allowed if `may_lift`."""
+        """
+        Return the velocity x, y along the path and back to it [m/s].
+
+        With `may_lift`, a low force does not reduce the speed.
+        """
         edge, load, goal = self.sight.edge, self.sight.load, self.goal
         scale, pressed = edge.scale, load.force / goal.force
         # A second leg that reaches the pad adds its load suddenly: slow down before.

@@ -194,7 +194,7 @@ class ResolvedRate:
         contact, pose = observation.contact, observation.pose()
         if contact is None or pose is None or not (contact.valid and contact.force_valid):
             return
-        if contact.type == ContactType.LINE:  # with K_z = 2 L k, independent of the length on it
+        if contact.type == ContactType.LINE:  # K_z = 2 L k; valid for any length under the pad
             up = [0.0, math.sin(features.tilt), math.cos(features.tilt)]
             length = 2.0 * self._array.half_width_y
             self._press.see(

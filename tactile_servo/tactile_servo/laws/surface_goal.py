@@ -28,11 +28,11 @@ class SurfaceGoal:
     speed: float  # speed over the surface [m/s]
     force: float  # N
     pattern: Pattern | int = Pattern.LINE
-    direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  # in the base frame, of any length
+    direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  # in the base frame, any norm
     length: float = 0.0  # length of a line [m]; 0 = until `duration`
     duration: float = 0.0  # time from first contact to the end [s]; 0 = unlimited
-    size: tuple[float, float] = (0.0, 0.0)  # m
-    step_over: float = 0.0  # m
+    size: tuple[float, float] = (0.0, 0.0)  # extent of a raster or spiral [m]
+    step_over: float = 0.0  # distance of neighbouring lines of a raster or spiral [m]
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # base frame [m]
     features: str = ''  # name of taught features
     retreat: bool = True  # whether to lift off at the end

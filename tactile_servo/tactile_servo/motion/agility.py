@@ -22,5 +22,5 @@ class Agility(Protocol):
         ...
 
     def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
-        """Return the pace along a direction, a unit twist (6,) of the sensor; `Motion.along`."""
+        """Return the pace along a twist (6,) of the sensor per unit of path; `Motion.along`."""
         ...

@@ -31,7 +31,7 @@ class ClockCheck:
 
     @property
     def agrees(self) -> bool:
-        """True if the clocks agree within the transport time of a joint state, or are unknown."""
+        """True if the clocks agree within a joint state's transport time; False if unknown."""
         youngest = min(self._youngest, self._running)
         return -4e-3 <= youngest <= 2.5e-3
 

@@ -39,8 +39,8 @@ UNDAMPED = 1e-6  # damping without effect [m/rad]
 STILL = 1e-12  # least joint rate in divisions, per unit of a path
 COAST = 8.0  # control periods for which a window continues before it brakes
 SETTLING = 0.1  # least time for the controller to reach the start of a motion [s]
-LONGEST_COMMITTED = 0.01  # largest committed time [s]; more makes a fast turning pad inaccurate
-BLOCKED_AFTER = 1.0  # time without motion after which it counts as blocked [s]
+LONGEST_COMMITTED = 0.01  # largest committed time [s]; with more, fast turns are less accurate
+BLOCKED_AFTER = 1.0  # time of prevented motion after which it counts as blocked [s]
 
 
 @dataclass(frozen=True)
@@ -150,12 +150,13 @@ class Motion:
 
     def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
         """
-        Return the pace that all joints allow along a direction, a unit twist (6,) of the sensor.
+        Return the pace that all joints allow along a direction.
 
-        The direction stays constant, so joint velocities change as the arm moves. The share
-        `bending` of the joints' acceleration is available for this and bounds the speed. The
-        acceleration that remains at `speed` is that of the pace. There is no damping, because it
-        would change the direction at a singularity.
+        The direction `way` is a twist (6,) of the sensor per unit of path. It stays constant, so
+        the joint velocities change as the arm moves. The share `bending` of the joints'
+        acceleration is available for this and bounds the speed. The acceleration that
+        remains at `speed` is that of the pace. There is no damping, because it would change the
+        direction at a singularity.
         """
         limits, joints, jacobian = self._limits, self.positions, self._now.jacobian
         rates, _ = damped_least_squares(jacobian, way, damping=UNDAMPED)

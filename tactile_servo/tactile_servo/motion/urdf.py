@@ -10,7 +10,7 @@ from tactile_common.errors import ConfigurationError
 MOVING = ('revolute', 'prismatic', 'continuous')
 LIMITS = ('lower', 'upper', 'velocity')
 MAX_BYTES = 16 << 20  # largest size of a URDF
-_UNBOUNDED = 1e6  # replaces an infinite limit, because the parser needs a number
+_UNBOUNDED = 1e6  # replaces an infinite limit [rad], because the parser needs a number
 
 
 def text_of(description: str) -> str:
