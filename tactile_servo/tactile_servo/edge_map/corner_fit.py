@@ -168,7 +168,7 @@ def fit_corner(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, skin: np.ndar
     prior = np.zeros(SIZE)  # information about radius and curvatures
     prior[RADIUS] = (1.5 * depth)**-2
     prior[RADIUS + 1:] = (0.03 / depth)**-2
-    # Use only tactels near the vertex.
+    # Use only tactels near the vertex: farther tactels show only the legs.
     near = (x - start.x)**2 + (y.reshape(-1, 1) - start.y)**2 < (4.0 * depth)**2
     weight = np.where(near, 1.0 / (noise**2 + (model_error * pressure)**2), 0.0)
     count = np.count_nonzero(weight)

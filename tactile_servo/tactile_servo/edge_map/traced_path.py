@@ -148,7 +148,7 @@ class TracedPath:
         return nodes, pieces
 
     def _to_come(self, station: float) -> list[Corner]:
-        """Return the corners ahead; one passed long ago may come again on a closed contour."""
+        """Return all corners except those just passed: on a contour, old ones come again."""
         passed, again = -KEEP_BEHIND * self.scale.grain, -SHORTEST_CONTOUR * self.scale.half
         return [corner for corner in self.corners if not again < corner.leave - station < passed]
 
@@ -221,7 +221,7 @@ class TracedPath:
         shortest = SHORTEST_CONTOUR * self.scale.half
         if not self.may_close or station - self.began < shortest:
             return
-        # Before its beginning the path was seen from one place only, which is not accurate.
+        # Before its beginning the path was seen from one place only, and not for long enough.
         stations, unsure = self.nodes['station'], 2.0 * self.scale.grain
         begin = max(stations.item(0), self.began) + unsure
         k = closing_node(self.nodes, station, begin, CLOSING * self.scale.grain)
