@@ -67,7 +67,8 @@ class MockSensorNode(TactileNode):
     answered, and faults of the line are simulated on request. The first frame waits for the first
     listener. Before the first `sensor_pose` the sensor touches nothing. A frame that has no pose
     for its own instant is not sent: an old pose in a frame with a new stamp would make a servo
-    press further. Most of the attributes are ROS entities.
+    press further. A `recording` and a `calibration` that are given replace those of the files.
+    Most of the attributes are ROS entities.
 
     Attributes
     ----------
@@ -79,7 +80,7 @@ class MockSensorNode(TactileNode):
         The last two apply to scenes only. Without a listener, `sent` and `dropped` do not count.
     """
 
-    def __init__(self, **kwargs):
+    def __init__(self, recording=None, calibration=None, **kwargs):
         super().__init__('mock_sensor', **kwargs)
         self.finished = threading.Event()
         self.sent = self.dropped = self.late = self.blind = 0
@@ -95,7 +96,7 @@ class MockSensorNode(TactileNode):
             follow_changes(self, MockSensorConfig, self._set_faults)
             self._fault_rng = np.random.default_rng(self._config.seed)
             self._lock = threading.Lock()  # protects the poses, which a callback writes
-            self._open_source()
+            self._open_source(recording, calibration)
             self._port = PseudoTerminal(self._config.port)
         except BaseException:
             self.destroy_node()
@@ -112,7 +113,7 @@ class MockSensorNode(TactileNode):
             self._port.close()
         super().destroy_node()
 
-    def _open_source(self):
+    def _open_source(self, recording, calibration):
         config = self._config
         if bool(config.scene) == bool(config.recording):
             raise ConfigurationError(
@@ -133,8 +134,9 @@ class MockSensorNode(TactileNode):
             self.create_subscription(
                 PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
         else:
-            recording = load_recording(config.recording)
-            calibration = load_calibration(config.calibration) if config.calibration else None
+            recording = recording or load_recording(config.recording)
+            if config.calibration:
+                calibration = calibration or load_calibration(config.calibration)
             limits = calibration.counts if calibration else BYTES
             self._recorded, clipped = recording.counts(
                 limits, calibration.resolution if calibration else 1.0)
