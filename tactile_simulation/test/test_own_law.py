@@ -2,12 +2,12 @@
 
 from circling import Circling, CirclingConfig
 import numpy as np
+from puma_loop import coarse_scene
 import pytest
 
 from tactile_servo.laws.registry import LAWS, Row
 from tactile_servo.laws.surface_goal import SurfaceGoal
 from tactile_simulation.closed_loop import Simulation
-from tactile_simulation.scene import find_scene, load_scene
 
 RADIUS, FORCE = 0.015, 4.0
 
@@ -18,7 +18,7 @@ def registered(monkeypatch):
 
 
 def test_a_law_of_ones_own_circles_a_point(registered):
-    simulation = Simulation(load_scene(find_scene('surfaces/plane')), 'circling',
+    simulation = Simulation(coarse_scene('plane'), 'circling',
                             settings=CirclingConfig(radius=RADIUS))
     goal = SurfaceGoal(0.02, FORCE, duration=20.0)
     simulation.run(goal, 20.0)
@@ -34,7 +34,7 @@ def test_a_law_of_ones_own_circles_a_point(registered):
 
 
 def test_it_is_held_and_lifted_off_as_any_other(registered):
-    simulation = Simulation(load_scene(find_scene('surfaces/plane')), 'circling')
+    simulation = Simulation(coarse_scene('plane'), 'circling')
     goal = SurfaceGoal(0.02, FORCE, duration=20.0)
     simulation.run(goal, 20.0, until=lambda status: status.progress > 0.01)
     simulation.sensor_alive = False

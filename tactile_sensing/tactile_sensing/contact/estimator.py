@@ -107,7 +107,7 @@ class ContactEstimator:
             If the frames have a wrong shape, no layer is 'zz', or a layer has an impossible skin.
         """
         expected = (len(layers), *array.shape)
-        stress = np.array(frames, dtype=np.float64)
+        stress = np.array(frames, dtype=np.float64, order='C')
         if stress.ndim == 3 and len(layers) == 1:
             stress = stress[:, None]
         if stress.ndim != 4 or stress.shape[1:] != expected:
