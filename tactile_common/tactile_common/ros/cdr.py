@@ -10,8 +10,7 @@ from struct import calcsize, Struct, unpack_from
 from struct import error as StructError
 from typing import Any
 
-import numpy as np
-from rosbags.interfaces import Nodetype
+from rclpy.serialization import serialize_message
 from rosbags.serde import SerdeError
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
@@ -24,7 +23,6 @@ HEAD = b'\0\1\0\0'  # header of plain CDR, little endian; offsets are counted fr
 # Exceptions of a message that is damaged or lacks a field.
 DAMAGE = (SerdeError, StructError, LookupError, AttributeError, TypeError, ValueError,
           OverflowError, MemoryError, RecursionError)
-_DTYPES = {'char': 'uint8'}  # the other types have the same name in numpy
 _installed = get_typestore(Stores.EMPTY)
 
 
@@ -80,25 +78,7 @@ def packed(message: Any) -> bytes:
     try:
         return bytes(_installed.serialize_cdr(message, name))
     except AttributeError:  # rosbags expects sequences of numbers as ndarrays
-        return bytes(_installed.serialize_cdr(_with_arrays(message, name), name))
-
-
-def _with_arrays(message: Any, name: str) -> Any:
-    """Convert a message to rosbags' class of its type, with ndarrays for sequences of numbers."""
-    fields: Any = _installed.fielddefs[name][1]
-    values = []
-    for field, (node, detail) in fields:
-        value = getattr(message, field)
-        if node == Nodetype.NAME:
-            value = _with_arrays(value, detail)
-        elif node != Nodetype.BASE:
-            (inner, kind), _ = detail
-            if inner == Nodetype.NAME:
-                value = [_with_arrays(it, kind) for it in value]
-            elif kind[0] != 'string':
-                value = np.asarray(value, _DTYPES.get(kind[0], kind[0]))
-        values.append(value)
-    return _installed.types[name](*values)
+        return bytes(_installed.serialize_cdr(unpacked(serialize_message(message), kind), name))
 
 
 @cache

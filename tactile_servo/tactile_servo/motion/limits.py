@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -90,7 +89,7 @@ class JointLimits:
 
     def keeps(self, velocities: np.ndarray, least: np.ndarray, most: np.ndarray) -> bool:
         """Return True if joint velocities (n,) are within bounds (n,), except for rounding."""
-        return _keeps(velocities, least, most, self.slack)
+        return bool((np.maximum(least - velocities, velocities - most) <= self.slack).all())
 
     def guard(self, wanted: np.ndarray, reach: Reach) -> tuple[np.ndarray, str]:
         """
@@ -137,16 +136,6 @@ def _reach(bounds: np.ndarray, positions: np.ndarray, previous: np.ndarray, dt: 
     return least, most, previous * (1.0 - 1.0 / max(periods, 1.0))
 
 
-@njit(cache=True)
-def _keeps(velocities: np.ndarray, least: np.ndarray, most: np.ndarray,
-           slack: np.ndarray) -> bool:
-    """Return True if velocities (n,) exceed no bound (n,) by more than the slack (n,)."""
-    for k in range(len(velocities)):
-        if not max(least[k] - velocities[k], velocities[k] - most[k]) <= slack[k]:
-            return False
-    return True
-
-
 @dataclass(frozen=True)
 class WorkspaceBox:
     """Box in the base frame that the sensor's origin must not leave: corners (3,) [m]."""
@@ -177,25 +166,10 @@ class WorkspaceBox:
         it was clipped. A twist that is not finite is returned unchanged; `JointLimits.guard`
         replaces it by a stop.
         """
-        return _limit(self.lower, self.upper, pose, twist, horizon)
-
-
-@njit(cache=True)
-def _limit(lower: np.ndarray, upper: np.ndarray, pose: np.ndarray, twist: np.ndarray,
-           horizon: float) -> tuple[np.ndarray, bool]:
-    """Compute the values of `WorkspaceBox.limit`."""
-    kept, limited, clipped = np.zeros(3), twist, False
-    for i in range(3):
-        velocity = 0.0
-        for j in range(3):
-            velocity += pose[i, j] * twist[j]
-        if math.isnan(velocity):
+        rotation, place = pose[:3, :3], pose[:3, 3]
+        velocity = rotation @ twist[:3]
+        kept = np.maximum(np.minimum(velocity, np.maximum((self.upper - place) / horizon, 0.0)),
+                          np.minimum((self.lower - place) / horizon, 0.0))
+        if (kept == velocity).all() or np.isnan(velocity).any():
             return twist, False
-        kept[i] = max(min(velocity, max((upper[i] - pose[i, 3]) / horizon, 0.0)),
-                      min((lower[i] - pose[i, 3]) / horizon, 0.0))
-        clipped |= kept[i] != velocity
-    if clipped:
-        limited = twist.copy()
-        for j in range(3):
-            limited[j] = pose[0, j] * kept[0] + pose[1, j] * kept[1] + pose[2, j] * kept[2]
-    return limited, clipped
+        return np.concatenate([rotation.T @ kept, twist[3:]]), True

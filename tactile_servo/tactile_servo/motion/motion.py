@@ -29,7 +29,6 @@ from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.motion.window import (
     APART,
     at_rest,
-    coasting,
     committed,
     extended,
     Window,
@@ -291,9 +290,14 @@ class Motion:
         """
         coast, previous = COAST * self._period, kept.velocities[-1]
         left = velocities @ previous / max(previous @ previous, 1e-12)
-        coasted = coasting(
-            velocities, coast * min(max(left, 0.0), 1.0)**2 * bend,
-            coast * self._limits.acceleration, reach.least[1], reach.most[1])
+        most = coast * self._limits.acceleration
+        change = coast * min(max(left, 0.0), 1.0)**2 * bend
+        if not np.isfinite(change).all():
+            change = np.zeros_like(bend)
+        coasted = velocities + np.minimum(np.maximum(change, -most), most)
+        # A velocity beyond its room, because the joint brakes no harder, does not increase.
+        coasted = np.minimum(np.maximum(coasted, np.minimum(reach.least[1], velocities)),
+                             np.maximum(reach.most[1], velocities))
         return extended(kept, velocities, coasted, self._period, coast,
                         self._limits.acceleration)
 

@@ -51,25 +51,9 @@ def extended(window: Window, target: np.ndarray, coasted: np.ndarray, period: fl
     `coasted` (n,), each at constant acceleration. Then all joints brake at constant deceleration,
     in the time that the slowest of them needs within its acceleration (n,).
     """
-    return Window(*_extended(*window, target, coasted, acceleration, period, coast))
-
-
-@njit(cache=True)
-def coasting(velocities: np.ndarray, change: np.ndarray, most: np.ndarray, least_room: np.ndarray,
-             most_room: np.ndarray) -> np.ndarray:
-    """
-    Add a change (n,), of at most `most` (n,), to joint velocities (n,) and return them [rad/s].
-
-    The result is within the room (n,). A velocity that already exceeds it, because the joint
-    cannot brake harder, does not increase.
-    """
-    coasted = velocities.copy()
-    if np.isfinite(change).all():
-        for k in range(len(coasted)):
-            now = velocities[k]
-            then = now + min(max(change[k], -most[k]), most[k])
-            coasted[k] = min(max(then, min(least_room[k], now)), max(most_room[k], now))
-    return coasted
+    stop = max(MIN_STOP, float((np.abs(coasted) / acceleration).max()))
+    return Window(*_extended(*window, np.array([target, coasted, 0.0 * target]),
+                             (period, coast, stop)))
 
 
 @njit(cache=True)
@@ -109,14 +93,12 @@ def _committed(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray,
 
 @njit(cache=True)
 def _extended(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray,
-              target: np.ndarray, coasted: np.ndarray, acceleration: np.ndarray, period: float,
-              coast: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the points of `extended`: those of a window and three more."""
-    count, ways = len(times), np.zeros((3, len(target)))
-    ways[0], ways[1] = target, coasted
-    spans = (period, coast, max(MIN_STOP, (np.abs(coasted) / acceleration).max()))
-    points = (np.append(times, np.zeros(3)), np.concatenate((positions, ways)),
-              np.concatenate((velocities, ways)))
+              targets: np.ndarray, spans: tuple[float, float, float]
+              ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Add points that lead evenly to velocities (3, n), each in its span [s], to a window's."""
+    count = len(times)
+    points = (np.append(times, np.zeros(3)), np.concatenate((positions, targets)),
+              np.concatenate((velocities, targets)))
     for k in range(3):
         at = count + k
         points[0][at] = points[0][at - 1] + spans[k]
