@@ -11,6 +11,8 @@ from tactile_shape.shape_estimator import ShapeEstimator
 from tactile_shape.types.patch import Kind, Patch
 
 MANY = 0.5  # share of the contacts with a surface; if more are refused, hints are given
+UNIT_ERROR = 1e-2  # largest difference of a unit vector's length from 1
+SHORT_PATH = 4e-3  # m; shorter paths show hardly any curvature
 # Parts of a reason that differ from contact to contact.
 _NUMBERS = re.compile(
     '^the path of [^ ]+ mm is |^[0-9]+ contacts see |, not all of .*|: they scatter by .*')
@@ -117,15 +119,16 @@ class PatchTable:
 def _doubt(position: np.ndarray, normal: np.ndarray, window: float) -> str:
     """Return what is unusual about a path for which no surface could be determined."""
     length = np.median(np.linalg.norm(normal, axis=1))
-    if not abs(length - 1.0) < 0.01:
-        exchanged = np.allclose(np.linalg.norm(position, axis=1), 1.0, atol=0.01)
+    if not abs(length - 1.0) < UNIT_ERROR:
+        exchanged = np.allclose(np.linalg.norm(position, axis=1), 1.0, atol=UNIT_ERROR)
         return (f'normals have a length of {length:.3g}, must have 1'
                 + ('; are position and normal exchanged?' if exchanged else ''))
     steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
     if len(steps) and (step := np.median(steps)) > window:
         return (f'contacts are {step:.3g} m apart, more than the window of {window:g} m; are '
                 'positions in metres?')
-    if (way := steps.sum()) < 4e-3:
-        return f'the whole path is {1e3 * way:.2g} mm long: below 4 mm hardly anything is seen'
+    if (way := steps.sum()) < SHORT_PATH:
+        return (f'the whole path is {1e3 * way:.2g} mm long: below {1e3 * SHORT_PATH:g} mm hardly '
+                'anything is seen')
     return ('if the path is straight, swing it by 1 mm or more; if it is not of one surface, take '
             'a shorter --window; if positions are noisier than --position-noise, tell it')

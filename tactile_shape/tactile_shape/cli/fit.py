@@ -17,6 +17,8 @@ from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.patch_table import COLUMNS, KINDS, PatchTable, RECORD
 from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
 
+QUIET = 1.0  # time before the progress bar appears [s]
+
 EXAMPLE = """\
   python3 -c "
   import numpy as np
@@ -120,7 +122,7 @@ def run(options: argparse.Namespace) -> str:
     table = PatchTable(recording, estimator)
     begin = time.perf_counter()
     with RecordWriter(options.out, RECORD, count) as writer:
-        with Progress(count, delay=1.0) as progress:
+        with Progress(count, QUIET) as progress:
             for done in table.fill():
                 progress.show(done, 'fit', f'{done} of {count} contacts')
         writer.append(table.records)

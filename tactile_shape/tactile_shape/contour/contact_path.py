@@ -13,6 +13,13 @@ from tactile_sensing.types.image import TactileImage
 from tactile_shape.contour.edge_point import edge_point
 
 STRAIGHT = 1.2  # largest residual of a straight edge; a bend has more, and shifts the line
+# Largest distance along a line between its centre of pressure and its point nearest to the pad's
+# centre, for a line across the whole pad [m].
+MIDDLE = 2e-3
+BEYOND = 1e-3  # m between a fitted line and its ridge; if farther apart, the ridge is used
+ELONGATED = 4.0  # ratio of second moments; a bent edge has 10 or more, a round contact 1
+FARTHEST = 1.0  # m, largest |x| + |y| of a place on a pad
+LEAVING = 0.5  # share of a path's largest load; below it, the pad lifts off
 WAITING = 200  # most contacts or images that wait for their counterpart: about one second
 Place = tuple[float, float]  # x, y on the array [m]
 
@@ -41,8 +48,7 @@ def needs_picture(contact: Contact) -> bool:
     if contact.type == ContactType.LINE and np.isfinite(contact.yaw):
         x, y = contact.moments.centre_of_pressure
         middle = abs(y * np.cos(contact.yaw) - x * np.sin(contact.yaw))
-        # For a line across the whole pad, the centre of pressure is within 2 mm of that point.
-        return not middle < 2e-3 or contact.residual > STRAIGHT
+        return not middle < MIDDLE or contact.residual > STRAIGHT
     return contact.type == ContactType.OTHER
 
 
@@ -66,15 +72,16 @@ def locate(contact: Contact, picture: TactileImage | None = None) -> tuple[Place
             return place, True
         if seen is None:
             return None, False
-        # Beyond the end of an edge or in a bend, the line is more than 1 mm from the ridge.
-        near = not contact.residual > STRAIGHT and math.dist(seen, place) < 1e-3
+        # Beyond the end of an edge or in a bend, the line is far from the ridge.
+        near = not contact.residual > STRAIGHT and math.dist(seen, place) < BEYOND
         return (place if near else seen), True
     if contact.type == ContactType.OTHER:
         if seen is not None:
             return seen, True
         # No model explains the image, but force and moments are valid. For a bent edge, whose
         # second moments differ by a factor of ten or more, the centre is millimetres off the edge.
-        place, long = contact.moments.centre_of_pressure, contact.moments.elongation() > 4.0
+        place = contact.moments.centre_of_pressure
+        long = contact.moments.elongation() > ELONGATED
         two = contact.reasons & Reason.TWO_CONTACTS
         return (None if two or long or not np.isfinite(place).all() else place), False
     if contact.type == ContactType.POINT and contact.valid:
@@ -90,7 +97,7 @@ def on_pad(place: Place, finger_radius: float = 0.0) -> tuple:
     a sphere that touches the plane z = 0; a radius of 0 [m] means a flat pad.
     """
     x, y = place
-    if not abs(x) + abs(y) < 1.0:  # also true for NaN
+    if not abs(x) + abs(y) < FARTHEST:  # also true for NaN
         return None, None
     if not finger_radius:
         return np.array([x, y, 0.0]), np.array([0.0, 0.0, 1.0])
@@ -203,8 +210,8 @@ class ContactPath:
                               pose[:3, :3] @ normal, edge), anew, ''
 
     def _leaves(self, stamp: int, load: float) -> bool:
-        """Return True if the load is below half of its maximum: places are then unreliable."""
+        """Return True if the load is far below its maximum: places are then unreliable."""
         if not 0 <= stamp - self._touched <= self._max_gap:
             self._heaviest = 0.0
         self._touched, self._heaviest = stamp, max(self._heaviest, load)
-        return load < 0.5 * self._heaviest
+        return load < LEAVING * self._heaviest

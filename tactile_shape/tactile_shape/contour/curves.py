@@ -5,6 +5,7 @@ import numpy as np
 
 STEPS = 10  # largest number of Gauss-Newton steps
 RUN = 4  # neighbouring points; their mean distance separates a wrong curve from noise
+CHORD = 1e-3  # m, longest chord of an arc as a polyline
 
 
 def _distances(off: np.ndarray) -> tuple[float, float]:
@@ -106,7 +107,7 @@ class Arc:
     def polyline(self, path: np.ndarray) -> np.ndarray:  # noqa: D102
         sweep = self._sweep(path)
         first, last = path[0] - self.centre, path[-1] - self.centre
-        share = np.linspace(0.0, 1.0, int(abs(sweep) * self.radius / 1e-3) + 2)  # chords of 1 mm
+        share = np.linspace(0.0, 1.0, int(abs(sweep) * self.radius / CHORD) + 2)
         angle = np.arctan2(first[1], first[0]) + share * sweep
         # The ends, where this side meets its neighbours, need not lie on the circle.
         radius = (1.0 - share) * np.linalg.norm(first) + share * np.linalg.norm(last)
@@ -131,7 +132,7 @@ def meeting(first: Line | Arc, second: Line | Arc, corner: np.ndarray) -> np.nda
     p, d = first.tangent(corner)
     q, e = second.tangent(corner)
     cross = d[0] * e[1] - d[1] * e[0]
-    if abs(cross) < 1e-3:
+    if abs(cross) < 1e-3:  # nearly parallel
         return corner
     (x, y) = q - p
     return p + (x * e[1] - y * e[0]) / cross * d

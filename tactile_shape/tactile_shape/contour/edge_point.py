@@ -6,6 +6,8 @@ import numpy as np
 from tactile_sensing.contact.ridge import ridge_points
 from tactile_sensing.types.image import TactileImage
 
+QUALITY = 0.5  # smallest quality of a ridge point on a line; on a round spot it is less
+FEWEST = 3  # smallest number of such points that show an edge
 END = 0.5  # share of the pressure along an edge that remains at its end
 
 
@@ -20,9 +22,8 @@ def edge_point(image: TactileImage) -> tuple[float, float] | None:
         return None
     points = ridge_points(layer.stress, image.array, float(layer.noise_std), layer.depth)
     peak = points['pressure'].max(initial=0)
-    # A quality above 1/2 indicates a line, not a round spot.
-    strong = points[(points['quality'] > 0.5) & (points['pressure'] > END * peak)]
-    if len(strong) < 3:
+    strong = points[(points['quality'] > QUALITY) & (points['pressure'] > END * peak)]
+    if len(strong) < FEWEST:
         return None
     # One ridge point is accurate to a hundredth of a millimetre at 40 dB. A mean is not needed,
     # and would include the turn of a nearby corner.

@@ -16,8 +16,14 @@ from tactile_shape.types.patch import Kind, Patch
 COLOURS = {Kind.NONE: (0.6, 0.6, 0.6), Kind.PLANE: (0.30, 0.55, 0.80),
            Kind.CYLINDER: (0.25, 0.65, 0.40), Kind.SPHERE: (0.90, 0.60, 0.15),
            Kind.GENERAL: (0.75, 0.30, 0.35)}
-PATCH_SIZE = 6e-3  # m, side of a drawn patch; stored patches are 4 mm apart
+PATCH_SPACING = 4e-3  # m, smallest distance between successive stored patches
+PATCH_SIZE = 6e-3  # m, side of a drawn patch
 STEPS = (5, 5)  # points along the sides of a patch
+RECENT = 20  # newest contour points, with which a contact is compared
+TAIL = 100  # newest contacts of a stroke, used to locate its ends
+# Largest distance of such a contact behind the last point, as a share of the spacing: at contacts
+# farther behind, the pad was still moving.
+BEHIND = 0.4
 
 
 @dataclass(frozen=True)
@@ -50,8 +56,8 @@ class ObjectModel:
         self.strokes: list[list[np.ndarray]] = []
         self.total = 0
         self.patches: list[Patch] = []
-        self._recent: deque[np.ndarray] = deque(maxlen=20)  # newest contour points
-        self._tail: deque[np.ndarray] = deque(maxlen=100)  # newest contacts of the stroke
+        self._recent: deque[np.ndarray] = deque(maxlen=RECENT)
+        self._tail: deque[np.ndarray] = deque(maxlen=TAIL)
         self._anew = True
 
     def begin_stroke(self) -> None:
@@ -95,8 +101,7 @@ class ObjectModel:
         before, last = self.strokes[-1][-2:]
         onward = (last - before) / np.linalg.norm(last - before)
         beyond = [(float((position - last) @ onward), position) for position in self._tail]
-        # At contacts farther behind, the pad was still moving.
-        about = [item for item in beyond if item[0] > -0.4 * self.config.spacing]
+        about = [item for item in beyond if item[0] > -BEHIND * self.config.spacing]
         if len(about) < 3:
             return
         newest = sorted(about[len(about) // 2:], key=itemgetter(0))
@@ -119,7 +124,8 @@ class ObjectModel:
         """Add a valid patch; return True if it was far enough from the last one to be stored."""
         if not patch.valid:
             return False
-        if self.patches and np.linalg.norm(patch.origin - self.patches[-1].origin) < 4e-3:
+        if self.patches and np.linalg.norm(
+                patch.origin - self.patches[-1].origin) < PATCH_SPACING:
             return False
         self.patches.append(patch)
         if len(self.patches) > self.config.max_points:

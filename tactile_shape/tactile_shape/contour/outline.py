@@ -12,11 +12,14 @@ from tactile_shape.contour.pieces import divide, Ends, fit_piece, Piece, ROUNDIN
 
 STRAIGHT = 0.1  # width per length below which a contour does not define a plane
 ROUNDED = 0.15 * ROUNDING  # m, largest distance from the sides of contacts at a corner
+LEAST_TURN = 0.05  # rad; a line that turns by less continues the line before it
 LEG = 6e-3  # m before and after a point, used for its directions
+CORNER_ANGLE = 0.5  # rad; a larger turn between the two legs at a point is a corner
 # Largest departure of points from a line or arc, in addition to their noise [m]. Pieces with a
 # larger one are divided.
 TOLERANCE = 1e-4
 SPACING = 1e-3  # m; contour points closer than this are averaged
+CLOSING = 2e-3  # m, largest gap between the ends of a closed contour
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,10 +152,10 @@ def _are_lines(one: Piece, other: Piece) -> bool:
 
 
 def _straight_on(one: Piece, other: Piece) -> bool:
-    """Return True if one line continues in the direction of another, within 0.05 rad."""
+    """Return True if one line continues in the direction of another."""
     first, second = one.curve, other.curve
     return isinstance(first, Line) and isinstance(second, Line) and bool(
-        abs(angle_between(first.direction, second.direction)) < 0.05)
+        abs(angle_between(first.direction, second.direction)) < LEAST_TURN)
 
 
 def _plane(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -199,10 +202,10 @@ def _cut_overlap(flat: np.ndarray) -> tuple[np.ndarray, bool]:
     """Remove the part that was traced twice; return the contour and True if it is closed."""
     travel = arc_length(flat)
     away = np.linalg.norm(flat - flat[0], axis=1)
-    # First return to within 2 mm of the start, after the contour was far away from it.
+    # First return to the start, after the contour was far away from it.
     far = np.flatnonzero(away > max(2.0 * LEG, 0.1 * away.max()))
     if len(far):
-        back = np.flatnonzero((away < 2e-3) & (travel > travel[far[0]]))
+        back = np.flatnonzero((away < CLOSING) & (travel > travel[far[0]]))
         if len(back):
             last = back[0]
             while last + 1 < len(flat) and away[last + 1] < away[last]:
@@ -212,7 +215,7 @@ def _cut_overlap(flat: np.ndarray) -> tuple[np.ndarray, bool]:
 
 
 def _corners(flat: np.ndarray, closed: bool) -> list[int]:
-    """Return the indices of points where the contour turns by more than 0.5 rad between legs."""
+    """Return the indices of points where the contour has a corner between two legs."""
     count = len(flat)
     around = np.concatenate([flat, flat, flat]) if closed else flat
     offset = count if closed else 0
@@ -227,7 +230,7 @@ def _corners(flat: np.ndarray, closed: bool) -> list[int]:
     for k in range(offset, offset + count):
         near = (travel > travel[k] - LEG) & (travel < travel[k] + LEG)
         # A rounded corner has a flat maximum: skip other points within a leg.
-        if turn[k] > 0.5 and turn[k] >= turn[near].max() and not (
+        if turn[k] > CORNER_ANGLE and turn[k] >= turn[near].max() and not (
                 found and travel[k] - travel[found[-1]] < LEG):
             found.append(k)
     found = [k - offset for k in found]

@@ -9,6 +9,8 @@ from tactile_shape.contour.curves import Arc, Line, STEPS
 
 ROUNDING = 3e-3  # m of contour next to a corner, not used because the skin rounds it
 _FEW = 6  # smallest number of points of a line or arc
+_JOINTS = 30  # approximate number of places at which a division is tried
+_F_LEVEL = 12.0  # value of F that is rarely exceeded by chance; a better fit must exceed it
 
 
 class Ends(NamedTuple):
@@ -63,11 +65,11 @@ def divide(points: np.ndarray, ends: Ends, tolerance: float) -> list[Piece]:
 
 def _best_joint(points: np.ndarray, ends: Ends, first: int, last: int) -> int:
     """
-    Return the best of about thirty indices from first to last at which to divide a run.
+    Return the best of about `_JOINTS` indices from first to last at which to divide a run.
 
     The best index has the least sum of squares of the two pieces.
     """
-    candidates = range(first, max(last, first + 1), max(1, (last - first) // 30))
+    candidates = range(first, max(last, first + 1), max(1, (last - first) // _JOINTS))
     return min(candidates, key=lambda joint: _square(_two(points, ends, joint, steps=1)))
 
 
@@ -91,9 +93,9 @@ def fit_piece(points: np.ndarray, ends: Ends, steps: int = STEPS) -> Piece:
 
 def _is_better(count: int, square: float, than: float) -> bool:
     """Return True if a sum of squares is smaller than another by more than chance."""
-    # Neighbours share their noise: three points count as one. By chance F rarely exceeds 12.
+    # Neighbours share their noise: three points count as one.
     freedom = max(1.0, count / 3.0 - 3.0)
-    return than - square > 12.0 * max(square, 1e-24) / freedom
+    return than - square > _F_LEVEL * max(square, 1e-24) / freedom
 
 
 def _fit_curve(points: np.ndarray, steps: int) -> Line | Arc:

@@ -3,11 +3,12 @@ import numpy as np
 
 CELLS = 24  # usual number of cells in a window
 MAX_CELLS = 3 * CELLS  # with noise, cells are shorter than intended
+MAX_TURN = 0.7  # rad, largest turn of the normal within a window
 
 
 class ContactWindow:
     """
-    Contacts of the last part of a path, in which the normal has turned by at most 0.7 rad.
+    Contacts of the last part of a path, in which the normal has turned by at most `MAX_TURN`.
 
     Contacts within one cell, usually a 24th of the window, are averaged. This bounds time and
     memory however slowly the finger moves, and prevents noise from lengthening the path.
@@ -49,7 +50,7 @@ class ContactWindow:
         # From the newest cell backwards.
         travel = np.cumsum(_steps(self._cells)[::-1])
         lengths = np.sqrt((normals * normals).sum(axis=1))
-        turned = normals @ normals[-1] < np.cos(0.7) * lengths * lengths[-1]
+        turned = normals @ normals[-1] < np.cos(MAX_TURN) * lengths * lengths[-1]
         beyond = (travel > self._length) | turned[-2::-1]
         steps = int(beyond.argmax()) if beyond.any() else len(beyond)
         return self._cells[len(self._cells) - 1 - steps:]

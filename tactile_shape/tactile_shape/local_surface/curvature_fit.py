@@ -18,6 +18,12 @@ from tactile_shape.types.tangent import Principal, principal, principal_curvatur
 
 PASSES = 3  # the weights depend on K and no longer change after three passes
 ENOUGH = 10  # number of cells needed to estimate the noise from residuals
+# A path's length or width counts if its variance is at least this multiple of the variance of the
+# noise: three standard deviations.
+CLEAR = 9.0
+# Departure of a general surface from a second-order one, as a share of its third-order term.
+MODEL_ERROR = 0.1
+_HEIGHTS_SPENT = 2.0  # approximate number of the six parameters that heights alone determine
 
 
 class Noise(NamedTuple):
@@ -146,11 +152,12 @@ class Fitter:
         """
         Return the curvature (3,) of a general surface.
 
-        The surface may differ from a second-order one by a tenth of its third order, so that
+        The surface may differ from a second-order one by `MODEL_ERROR` of its third order, so that
         distant contacts have less weight.
         """
         for _ in range(2):
-            self._solve(np.linalg.solve(self.information, self.right), self._doubt, 0.1)
+            self._solve(
+                np.linalg.solve(self.information, self.right), self._doubt, MODEL_ERROR)
         return np.linalg.solve(self.information, self.right)
 
     def excess(self) -> tuple[float, float]:
@@ -181,8 +188,7 @@ class Fitter:
         if len(weights) < ENOUGH:
             return told
         residual = heights[:, 6] - heights[:, :6] @ [*self.flat(curvature), *curvature]
-        # The heights alone determine about two of the six parameters.
-        return max(told, math.sqrt(weights @ residual**2 / (len(weights) - 2)))
+        return max(told, math.sqrt(weights @ residual**2 / (len(weights) - _HEIGHTS_SPENT)))
 
 
 def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndarray, int]:
@@ -194,8 +200,7 @@ def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndar
     off = u - weights @ u / weights.sum()
     spread = (weights[:, None] * off).T @ off / weights.sum()
     large, small, heading = principal(spread[0, 0], spread[0, 1], spread[1, 1])
-    # A width below three standard deviations of the noise does not count.
-    fuzz = 9.0 * std**2 * len(weights) / weights.sum() + 1e-24
+    fuzz = CLEAR * std**2 * len(weights) / weights.sum() + 1e-24
     count = 0 if large < fuzz else 2 if small < fuzz else 3
     return turn_about_z(heading), count
 

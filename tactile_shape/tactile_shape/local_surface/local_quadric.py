@@ -18,7 +18,17 @@ from tactile_shape.local_surface.curvature_fit import ENOUGH, Fit, fit_curvature
 from tactile_shape.types.patch import certain_enough, Patch, SurfaceEstimator, usable_normal
 from tactile_shape.types.tangent import tangent_frame
 
+# Smallest length of a cell, as a multiple of the noise of a contact's place, which would lengthen
+# a path of shorter cells.
+CELL_NOISE = 5.0
 MAX_WEIGHT = 16.0  # largest number of independent contacts per cell, for a finger at rest
+MISFIT = 2.0  # scatter per given position noise; above it, the newer half of the window is tried
+BETTER = 0.6  # scatter of the newer half, as a share of that of all cells, below which it is used
+SCATTERED = 0.3  # largest scatter of contacts on a surface, as a share of a cell's length
+MAX_RESIDUAL = 4.0  # standard deviations, largest RMS residual of a valid patch
+# Largest curvature of the surface of the finger's centre, as a share of 1 / finger radius; more is
+# an edge or a point.
+SHARP = 0.98
 
 
 @dataclass(frozen=True)
@@ -54,8 +64,8 @@ class LocalQuadric(SurfaceEstimator):
         self._noise = Noise(
             c.position_noise, c.location_noise, math.hypot(c.normal_noise, on_finger),
             c.finger_radius * c.normal_noise)
-        # Well above the location noise, which would otherwise lengthen the path.
-        self._cell = max(c.window / CELLS, 5.0 * math.hypot(c.position_noise, c.location_noise))
+        self._cell = max(
+            c.window / CELLS, CELL_NOISE * math.hypot(c.position_noise, c.location_noise))
         self._window = ContactWindow(c.window, self._cell)
         self.reset()
 
@@ -80,7 +90,7 @@ class LocalQuadric(SurfaceEstimator):
         known: dict[str, Any] = {
             'extent': extent, 'samples': int(cells[:, 6].sum()), 'residual': fit.residual,
             'frame': _frame(self._centre, fit, self.config.finger_radius)}
-        if fit.scatter > 0.3 * self._cell or fit.residual > 4.0:
+        if fit.scatter > SCATTERED * self._cell or fit.residual > MAX_RESIDUAL:
             return self.refused(
                 'the contacts lie on no surface of second order, or have far more noise than '
                 f'told: they scatter by {1e3 * fit.scatter:.2g} mm, residuals are '
@@ -91,7 +101,7 @@ class LocalQuadric(SurfaceEstimator):
             # The finger's centre moves on a surface whose radii are larger by the finger's radius;
             # over an edge its radius is the finger's.
             shrink = 1.0 - radius * curvature
-            if shrink.min() < 0.02:
+            if shrink.min() < 1.0 - SHARP:
                 return self.refused('an edge or a point: its curvature is above what a finger of '
                                     'this radius can tell', **known)
             curvature = curvature / shrink
@@ -110,14 +120,14 @@ class LocalQuadric(SurfaceEstimator):
         """
         Fit all cells, or only the newer half if the older cells lie on another surface.
 
-        The newer half is tried if the scatter of all cells is more than twice the given noise. It
-        is used if its scatter is less than 0.6 of the scatter of all cells.
+        The newer half is tried if the scatter of all cells is much larger than the given noise. It
+        is used if its scatter is clearly smaller.
         """
         cells, newer = self._cells, self._cells[(len(self._cells) + 1) // 2:]
         fit = self._fit(cells)
-        if fit.scatter > 2.0 * self._noise.position and len(cells) >= 2 * ENOUGH:
+        if fit.scatter > MISFIT * self._noise.position and len(cells) >= 2 * ENOUGH:
             fit_of_newer = self._fit(newer)
-            if fit_of_newer.scatter < 0.6 * fit.scatter:
+            if fit_of_newer.scatter < BETTER * fit.scatter:
                 return newer, fit_of_newer
         return cells, fit
 

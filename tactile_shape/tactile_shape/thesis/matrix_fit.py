@@ -8,6 +8,8 @@ from tactile_shape.types.surface_matrix import PARAMETERS, SurfaceMatrix
 
 _NO_UNIT = [PARAMETERS.index(name) for name in ('c14', 'c24', 'c34')]
 _KNOWN = PARAMETERS.index('c44')  # 0: the contact lies at the origin
+SAME_POINT = 1e-12  # m; contacts nearer to each other than this count as one
+PRECISION = 1e-12  # least singular value above rounding errors, as a share of the largest one
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +44,11 @@ def fit_matrix(points: np.ndarray, normals: np.ndarray, *, position_noise: float
         Standard deviation of a normal's component [rad].
     """
     # Lengths are in units of the spread, so that curvatures and normals are comparable.
-    unit = max(np.abs(points).max(), 1e-12)
+    unit = max(np.abs(points).max(), SAME_POINT)
     matrix = design_matrix(points / unit)
     left, values, right = np.linalg.svd(matrix, full_matrices=True)
     # Smallest singular value above rounding errors and noise.
-    floor = max(1e-12 * values[0], 2.0 * np.sqrt(len(points)) * position_noise / unit)
+    floor = max(PRECISION * values[0], 2.0 * np.sqrt(len(points)) * position_noise / unit)
     rank = int(np.count_nonzero(values > floor))
     scale = np.full(10, 1.0 / unit)
     scale[_NO_UNIT] = 1.0

@@ -22,20 +22,23 @@ class Kind(IntEnum):
 
 
 PRIOR_CURVATURE = 100.0  # 1/m, standard deviation of the prior
+RELATIVE = 0.1  # relative uncertainty up to which any curvature counts as seen
+_MAX_COORDINATE = 1e6  # m; a contact with a larger one is invalid
+_LENGTH_ERROR = 1e-3  # largest difference of a usable normal's length from 1
 
 
 def usable_normal(position: np.ndarray, normal: np.ndarray) -> np.ndarray | None:
-    """Scale a normal to length 1; None if not finite or if the length is not 1 within 1e-3."""
+    """Scale a normal to length 1; None if not finite or if the length is not about 1."""
     # NaN also fails these comparisons.
-    if not (np.abs(position).max() < 1e6 and np.abs(normal).max() < 2.0):
+    if not (np.abs(position).max() < _MAX_COORDINATE and np.abs(normal).max() < 2.0):
         return None
     length = np.sqrt(normal @ normal)
-    return normal / length if abs(length - 1.0) < 1e-3 else None
+    return normal / length if abs(length - 1.0) < _LENGTH_ERROR else None
 
 
 def certain_enough(variance: np.ndarray, curvature: np.ndarray, std: float) -> np.ndarray:
-    """Return which variances are below std^2 or the square of a tenth of the curvature."""
-    return variance < np.maximum(std, 0.1 * np.abs(curvature))**2
+    """Return which variances are below std^2 or the square of `RELATIVE` times the curvature."""
+    return variance < np.maximum(std, RELATIVE * np.abs(curvature))**2
 
 
 def _nan(*shape: int) -> Any:
