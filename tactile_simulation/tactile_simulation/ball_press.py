@@ -8,6 +8,8 @@ from tactile_simulation.sensor import TactelResponse
 from tactile_simulation.world import Scene
 
 PERIOD = 0.005  # s between frames
+PAUSE, HELD = 2.0, 0.5  # s that the pad is free before a press; s that the ball presses
+CLEARANCE = 1.6  # pitches, smallest distance of a press from the border of the pad
 KEPT = 10  # frames of each press
 MODULUS = 4e5  # Pa, Young's, of a soft skin
 
@@ -40,17 +42,17 @@ class BallPress:
         """
         Return the last KEPT frames of each press, (presses * KEPT, rows, columns).
 
-        The pad is free for 2 s, then the ball presses for 0.5 s, at least 1.6 pitches from the
-        border.
+        The pad is free for `PAUSE`, then the ball presses for `HELD`, at least `CLEARANCE` from
+        the border.
         """
         array = self._array
         reach = (np.array([array.size_x, array.size_y]) / 2.0
-                 - 1.6 * np.array([array.pitch_x, array.pitch_y]))
+                 - CLEARANCE * np.array([array.pitch_x, array.pitch_y]))
         pictures: list[np.ndarray] = []
         for a, b in self._rng.uniform(-reach, reach, (presses, 2)):
-            self._lasting(np.zeros(array.shape), 2.0)
+            self._lasting(np.zeros(array.shape), PAUSE)
             pictures += self._lasting(self._pressure.point(
-                array.x, array.y[:, None], a, b, self._force, radius=self._patch), 0.5)[-KEPT:]
+                array.x, array.y[:, None], a, b, self._force, radius=self._patch), HELD)[-KEPT:]
         return np.array(pictures)
 
     def unloaded(self, count: int) -> np.ndarray:

@@ -16,6 +16,10 @@ from tactile_simulation.render import force_on, render
 from tactile_simulation.sensor import Skin
 from tactile_simulation.world import Course, Scene, Truth, World
 
+# Settled lateral RMS of the pad's centre, below which the edge counts as tracked [m]. The object
+# may slip farther at once.
+LATERAL_BOUND = 3e-3
+
 
 @dataclass(frozen=True)
 class Start:
@@ -166,12 +170,8 @@ class EdgeWorld(World):
             'contour_max_error': error, 'contour_area_error': area}
 
     def objection(self, numbers: Mapping[str, Any]) -> str:
-        """
-        Object if the pad's centre did not follow the edge as far as the servo reports.
-
-        The settled lateral RMS may be up to 3 mm, because the object may slip farther at once.
-        """
-        led = (numbers['lateral_rms'] < 3e-3  # NaN (never settled) fails too
+        """Object if the pad's centre did not follow the edge as far as the servo reports."""
+        led = (numbers['lateral_rms'] < LATERAL_BOUND  # NaN (never settled) fails too
                and numbers['edge_length'] > max(SETTLING_LENGTH,
                                                 0.9 * numbers['tracked_length']))
         return '' if led else 'the pad was not led along the edge'

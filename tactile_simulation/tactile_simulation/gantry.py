@@ -4,7 +4,10 @@ import numpy as np
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 
+TURN = 20.0  # rad, travel of the wrist's joints to each side
 TURN_RATE = 4.0  # rad/s
+TURN_ACCELERATION = 20.0  # rad/s^2
+END_MARGIN = 0.01  # m or rad, end of a joint's travel that the limits exclude
 
 _JOINT = """
   <joint name="{name}" type="{type}">
@@ -26,7 +29,7 @@ def gantry_urdf(turn_rate=TURN_RATE):
             name=name, parent=parent, axis=_AXES[name[-1]],
             rpy=f'{np.pi} 0 0' if name == 'turn_z' else '0 0 0',
             **(_SLIDE if name.startswith('slide') else
-               {'type': 'revolute', 'reach': 20.0, 'speed': turn_rate}))
+               {'type': 'revolute', 'reach': TURN, 'speed': turn_rate}))
         parent = f'{name}_link'
     return f"""<robot name="gantry"><link name="base"/>{joints}
   <joint name="pad" type="fixed"><parent link="{parent}"/><child link="tactile_pad"/></joint>
@@ -38,10 +41,10 @@ def gantry(acceleration, turn_rate=TURN_RATE):
     Return the RobotModel and JointLimits of the gantry.
 
     `acceleration` [m/s^2] is that of the slides, `turn_rate` [rad/s] that of the wrist, which
-    accelerates with 20 rad/s^2. The limits exclude the last 10 mm, or 0.01 rad, of the travel.
+    accelerates with `TURN_ACCELERATION`. The limits exclude `END_MARGIN` of the travel.
     """
     model = RobotModel.from_urdf(gantry_urdf(turn_rate), 'tactile_pad')
     limits = JointLimits(
-        model.joint_names, model.lower + 0.01, model.upper - 0.01, model.velocity_limit,
-        np.array([acceleration] * 3 + [20.0] * 3))
+        model.joint_names, model.lower + END_MARGIN, model.upper - END_MARGIN,
+        model.velocity_limit, np.array([acceleration] * 3 + [TURN_ACCELERATION] * 3))
     return model, limits

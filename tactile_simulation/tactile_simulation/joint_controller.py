@@ -22,6 +22,8 @@ from tactile_servo.motion.trajectory import Trajectory
 from tactile_simulation.plant import DelayedLag
 
 _VELOCITY_AT_END = float(np.finfo(np.float32).eps)  # rad/s; the controller's limit for zero
+LONGEST_STALL = 0.5  # s, longest delay that is caught up; a clock that jumps farther is set anew
+_TOLERANCE = 1e-6  # relative; smaller violations of a limit are rounding errors
 
 
 @dataclass(frozen=True)
@@ -286,9 +288,9 @@ class MockController:
         Step at the controller's rate up to a time [s], even if it is late; return as `step`.
 
         A real controller has a thread that keeps its period under any load. A clock that jumps by
-        more than 0.5 s is taken as set anew.
+        more than `LONGEST_STALL` is taken as set anew.
         """
-        if self._time is not None and now - self._time < 0.5:
+        if self._time is not None and now - self._time < LONGEST_STALL:
             while now - self._time > 1.5 * self._period:
                 self.step(self._time + self._period)
         return self.step(now)
@@ -311,7 +313,6 @@ class MockController:
         reach, before = self._velocity_limit * elapsed, self._command
         command = np.clip(wanted, self._lower, self._upper)
         command = np.clip(command, before - reach, before + reach)
-        # The tolerance excludes rounding errors.
-        self.limit_violations += bool((abs(command - wanted) > 1e-6 * reach + 1e-9).any())
+        self.limit_violations += bool((abs(command - wanted) > _TOLERANCE * reach + 1e-9).any())
         self._command = command
         return command

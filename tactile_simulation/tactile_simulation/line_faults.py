@@ -6,6 +6,8 @@ import numpy as np
 from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
 
+MOST_GARBAGE = 400  # bytes before a frame are always fewer than this
+
 
 @dataclass(frozen=True)
 class LineFaults:
@@ -48,4 +50,4 @@ class LineFaults:
                         1 << rng.integers(8, size=values.size), 0).astype(np.uint8)
         kept = (values ^ bits)[rng.random(values.size) >= self.lose]
         garbage = rng.random() < self.garbage
-        return rng.bytes(int(rng.integers(1, 400))) * garbage + kept.tobytes()
+        return rng.bytes(int(rng.integers(1, MOST_GARBAGE))) * garbage + kept.tobytes()

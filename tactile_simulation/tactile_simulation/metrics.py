@@ -10,6 +10,7 @@ from tactile_simulation.smoothness import scatter
 from tactile_simulation.world import Truth, World
 
 NAN = float('nan')
+BUSY = 0.05  # share of the planned control cycles; a machine that misses more is too busy
 
 
 # Statistics of samples; NaN if there are too few.
@@ -125,10 +126,10 @@ def shown(summary: Mapping[str, Any], metrics=METRICS) -> Iterator[tuple[str, st
 
 
 def busy(summary: Mapping[str, Any]) -> str:
-    """Return a sentence if a machine missed more than 5 % of the control cycles, else ''."""
+    """Return a sentence if a machine missed too many control cycles, else ''."""
     missed = summary.get('missed_cycles') or 0
     planned = missed + (summary.get('cycles') or 0)
-    if missed <= 0.05 * planned:
+    if missed <= BUSY * planned:
         return ''
     return (f'This machine was too busy: {missed} of {planned} control cycles were missed and '
             f'{summary.get("sensor_rate", NAN):.0f} images per second arrived; '

@@ -10,6 +10,7 @@ from tactile_simulation.metrics import largest
 
 BLUE, ORANGE, GREY, INK = '#1f5fa8', '#d4691e', '#7a808a', '#22262b'
 EDGE_COLOUR = '#c9cdd4'
+FLATTEST = 0.3  # smallest ratio of the sides of a plot with equal scales
 SIDES = np.array([-1.0, 1.0])
 
 
@@ -50,7 +51,7 @@ def equal_axes(axes):
     """Set equal scales, and a minimum width and height for a straight edge."""
     limits = np.array([axes.get_xlim(), axes.get_ylim()])
     middle = limits.mean(axis=1)
-    half = np.maximum(0.5 * np.ptp(limits, axis=1), 0.15 * np.ptp(limits, axis=1).max())
+    half = np.maximum(0.5 * np.ptp(limits, axis=1), 0.5 * FLATTEST * np.ptp(limits, axis=1).max())
     axes.set(xlim=middle[0] + half[0] * SIDES, ylim=middle[1] + half[1] * SIDES, aspect='equal')
 
 

@@ -25,6 +25,8 @@ from tactile_simulation.sensor import Sensor, Skin
 # Limits that protect the memory from wrong units and untrusted files:
 MAX_WAY = 20.0  # total length of a path, or of a closed polygon [m]
 MAX_PAIRS = 5000  # points of a polygon or of a height profile
+MAX_GAPS = 200
+MAX_WAVES = 1000  # on a path
 
 
 def edge_scene(tree: Any, path: Path) -> EdgeScene:
@@ -143,13 +145,13 @@ def _wave(tree, way):
         return None
     values = section(tree, 'edge.wave', ('height', 'length'))
     return (within('edge.wave.height', values['height'], 0.0, 0.1),
-            within('edge.wave.length', values['length'], max(1e-3, way / 1000.0), MAX_LENGTH))
+            within('edge.wave.length', values['length'], max(1e-3, way / MAX_WAVES), MAX_LENGTH))
 
 
 def _gaps(tree, length):
     if tree == []:
         return []
-    gaps = _pairs('edge.gaps', tree, 1, 200)
+    gaps = _pairs('edge.gaps', tree, 1, MAX_GAPS)
     for first, last in gaps:
         if not 0.0 <= first < last <= length:
             raise ConfigurationError(

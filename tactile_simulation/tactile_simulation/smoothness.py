@@ -1,6 +1,8 @@
 """Smoothness of a motion: accelerations of the joints, scatter of the pad's speed."""
 import numpy as np
 
+TREND = 0.1  # s over which a speed is averaged; the departure from this mean is scatter
+
 
 def speeds(time: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """
@@ -26,14 +28,14 @@ def accelerations(time: np.ndarray, positions: np.ndarray) -> np.ndarray:
 
 def scatter(time: np.ndarray, speed: np.ndarray, chosen: np.ndarray) -> float:
     """
-    Return the standard deviation [m/s] of a speed (N,) about its mean over 0.1 s.
+    Return the standard deviation [m/s] of a speed (N,) about its mean over `TREND`.
 
     Only windows in which all samples are `chosen` and finite count.
     """
     known = chosen & np.isfinite(speed)
     if np.count_nonzero(known) < 3:
         return float('nan')
-    half = max(1, round(0.05 / float(np.median(np.diff(time[known])))))
+    half = max(1, round(0.5 * TREND / float(np.median(np.diff(time[known])))))
     window = np.ones(2 * half + 1)
     whole = np.convolve(known, window, 'same') > 2 * half + 0.5
     trend = np.convolve(np.where(known, speed, 0.0), window, 'same') / len(window)

@@ -9,6 +9,7 @@ from tactile_common.errors import ConfigurationError
 
 CELLS = 96  # along the longest side of a mesh's box
 MARGIN = 0.04  # m around it: the grid must include the centre of a probe in contact
+NORMAL_STEP = 1e-5  # m, step to each side in the differences that give a normal
 
 
 class SolidObject(Protocol):
@@ -21,11 +22,11 @@ class SolidObject(Protocol):
 
 def normal_at(solid: SolidObject, point: np.ndarray) -> np.ndarray:
     """
-    Return the outward unit normal (3,) at a point (3,), from differences over 0.01 mm.
+    Return the outward unit normal (3,) at a point (3,), from differences.
 
     At a point off the surface, this is the normal of the level set of distances.
     """
-    steps = 1e-5 * np.vstack([np.eye(3), -np.eye(3)])
+    steps = NORMAL_STEP * np.vstack([np.eye(3), -np.eye(3)])
     distances = solid.distance(point + steps)
     slope = distances[:3] - distances[3:]
     return slope / np.linalg.norm(slope)

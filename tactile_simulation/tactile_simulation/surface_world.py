@@ -17,6 +17,9 @@ from tactile_simulation.surface_objects import nearest_point, normal_at, SolidOb
 from tactile_simulation.world import Course, NodeParameters, Scene, Truth, World
 
 PA_PER_COUNT = 1000.0  # 15 N on a sphere of the probe's own size do not saturate it
+CALIBRATION_FORCE = 5.0  # N at the pad's centre, by which the sensor is calibrated
+SLIDING = 1e-7  # m between two poses; smaller motions do not count as sliding
+TOUCHING = 0.05  # share of the target force, above which there is contact
 
 
 @dataclass(frozen=True)
@@ -125,9 +128,8 @@ class SurfaceWorld(World):
         self._operator = operator_for(scene.dome, scene.rubber, array)
         self._outward = (self._operator.points - scene.dome.centre) / scene.dome.skin_radius
         model = FiniteElementDome(scene.dome, array, self._operator)
-        force = 5.0  # N
-        image = model.image(np.array([0.0, 0.0, force, 0.0, 0.0]))
-        self._sensitivity = image.sum() * array.pitch_x * array.pitch_y / force
+        image = model.image(np.array([0.0, 0.0, CALIBRATION_FORCE, 0.0, 0.0]))
+        self._sensitivity = image.sum() * array.pitch_x * array.pitch_y / CALIBRATION_FORCE
         self._pose = np.full((4, 4), np.nan)
         self._loads, self._pressing = np.zeros_like(self._outward), 0.0
 
@@ -172,8 +174,7 @@ class SurfaceWorld(World):
         outward = self._outward[touched]
         along = moved - (moved * outward).sum(axis=1, keepdims=True) * outward
         size = np.linalg.norm(along, axis=1, keepdims=True)
-        least = 1e-7  # m; smaller motions do not count as sliding
-        return np.where(size > least, along / np.maximum(size, least), 0.0)
+        return np.where(size > SLIDING, along / np.maximum(size, SLIDING), 0.0)
 
     def place_on_pad(self, pose: np.ndarray) -> np.ndarray:
         """Return the place (2,) on the pad nearest to the object, at a pose (4, 4) [m]."""
@@ -196,7 +197,7 @@ class SurfaceWorld(World):
         return {
             'surface_rms': rms(errors), 'surface_max': largest(errors),
             'centre_rms': rms(aside), 'centre_max': largest(aside),
-            'contact_kept': float(np.mean(tracked > 0.05 * force)) if len(tracked) else 0.0,
+            'contact_kept': float(np.mean(tracked > TOUCHING * force)) if len(tracked) else 0.0,
             'broken': bool(fragile and largest(truth.force) > fragile)}
 
     def objection(self, numbers: Mapping[str, Any]) -> str:

@@ -32,6 +32,7 @@ LAW_HELP = f'servo law; default: {law_for("track_edge")} for an edge, ' \
     f'{law_for("track_surface")} for a surface'
 PATTERNS = (Pattern.LINE, Pattern.RASTER, Pattern.SPIRAL)
 SEED = between(0, 2**32 - 1, kind=int)
+CLIENT_TIMEOUT = 1.0  # s, default of `track`; used with faults
 NODE = '/tactile/edge_servo'  # node whose parameters are read from a file
 
 
@@ -113,8 +114,7 @@ def goal_of(options: argparse.Namespace, scene: Scene) -> EdgeGoal | SurfaceGoal
                 f'--{name.replace("_", "-")} does not apply to {scene.name}: there a servo '
                 f'is asked for {scene.action}')
     goal = make(options, scene, **given)
-    # With faults, 1 s as in `track`.
-    return replace(goal, client_timeout=1.0 if options.fault else 0.0)
+    return replace(goal, client_timeout=CLIENT_TIMEOUT if options.fault else 0.0)
 
 
 def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:

@@ -25,6 +25,11 @@ from tactile_simulation.line_faults import LineFaults
 from tactile_simulation.pseudo_terminal import PseudoTerminal
 from tactile_simulation.scene import load_scene
 
+_LISTENER_CHECK = 0.002  # s between checks for the first listener; nothing is sent before
+_LATE = 2  # periods; a later frame of a scene is not sent, because its stamp would be too new
+_STALLED, _UNPLUGGED = 0.05, 0.3  # s, pause within a frame; time without the port
+_KEPT_POSES = 2000  # enough for one second at any rate of the robot
+
 
 @dataclass(frozen=True)
 class MockSensorConfig:
@@ -128,8 +133,7 @@ class MockSensorNode(TactileNode):
             self._recorded = None
             self._period = 1.0 / config.rate
             age = round(config.max_pose_age * NS)
-            # Enough for one second at any rate of the robot.
-            self._poses = StateBuffer(pose_between, size=2000, max_gap_ns=2 * age,
+            self._poses = StateBuffer(pose_between, size=_KEPT_POSES, max_gap_ns=2 * age,
                                       max_ahead_ns=age, restart_ns=NS)
             self.create_subscription(
                 PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
@@ -170,15 +174,14 @@ class MockSensorNode(TactileNode):
             self.blind += 1
             return None
         counts = self._world.counts(pose, self._rng, instant)
-        # If it is two periods late, its stamp would be too new.
-        if time.monotonic() - instant - self._config.latency > 2.0 * self._period:
+        if time.monotonic() - instant - self._config.latency > _LATE * self._period:
             self.late += 1
             return None
         return counts
 
     def _run(self):
         while not self._port.listened:
-            if self._stop.wait(0.002):
+            if self._stop.wait(_LISTENER_CHECK):
                 return
         begin = time.monotonic()
         numbers: Iterable[int] = itertools.count()
@@ -211,7 +214,7 @@ class MockSensorNode(TactileNode):
             data = faults.spoil(data, rng)
             if rng.random() < faults.stall:
                 self._port.write(data[:len(data) // 2])
-                self._stop.wait(0.05)
+                self._stop.wait(_STALLED)
                 data = data[len(data) // 2:]
         if self._port.write(data):
             self._in_step = True
@@ -220,7 +223,7 @@ class MockSensorNode(TactileNode):
             self.dropped += 1
         if rng.random() < faults.hang_up:
             self._port.close()
-            self._stop.wait(0.3)
+            self._stop.wait(_UNPLUGGED)
             self._port, self._in_step = PseudoTerminal(self._config.port), False
 
     def _on_diagnose(self):
