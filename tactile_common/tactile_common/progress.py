@@ -9,6 +9,7 @@ from typing import TextIO
 
 from tqdm import tqdm
 
+_PERIOD = 0.1  # s between updates of the bar on a terminal
 _QUIET_PERIOD = 2.0  # s between lines if the output is not a terminal
 
 
@@ -26,7 +27,7 @@ class Progress(tqdm):
         self._terminal, self._drawn = stream.isatty(), False
         super().__init__(
             total=total, file=stream, delay=delay, miniters=0, leave=self._terminal,
-            mininterval=0.1 if self._terminal else _QUIET_PERIOD, dynamic_ncols=True,
+            mininterval=_PERIOD if self._terminal else _QUIET_PERIOD, dynamic_ncols=True,
             bar_format='{desc:9} |{bar:30}| {percentage:3.0f} % {elapsed}<{remaining}{postfix}')
 
     def show(self, done: float, state: str, text: str = '') -> None:

@@ -7,7 +7,8 @@ from typing import Generic, TypeVar
 import numpy as np
 
 State = TypeVar('State')
-NS = 1_000_000_000
+NS = 1_000_000_000  # in a second
+RESTART = 10  # a recording restarted if a pose is older than the newest by this many gaps
 ONWARD = 10  # extrapolate at most this multiple of the time between the last two states
 
 
@@ -92,12 +93,12 @@ class PoseBuffer(StateBuffer[np.ndarray]):
     """
     The last `size` poses (4, 4); no interpolation if they are more than `max_gap` [s] apart.
 
-    A pose that is ten gaps older than the newest means that a recording restarted.
+    A pose that is `RESTART` gaps older than the newest means that a recording restarted.
     """
 
     def __init__(self, max_gap: float = 0.1, size: int = 500):
         gap = round(max_gap * NS)
-        super().__init__(pose_between, size=size, max_gap_ns=gap, restart_ns=10 * gap)
+        super().__init__(pose_between, size=size, max_gap_ns=gap, restart_ns=RESTART * gap)
 
 
 def pose_between(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:

@@ -8,6 +8,7 @@ from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
+_DATA_END = 0x0F  # opcode of the end of the data
 _HEADER = 9  # bytes of an opcode and a length
 
 
@@ -53,8 +54,7 @@ class _WholePart(McapReader):
             self.bio.seek(self.data_end)
             head = self.bio.read(_HEADER)
             end = self.data_end + _HEADER + int.from_bytes(head[1:], 'little')
-            # 15 is the opcode of the end of the data.
-            if len(head) < _HEADER or head[0] in (0, 15) or end > size:
+            if len(head) < _HEADER or head[0] in (0, _DATA_END) or end > size:
                 return
             self.data_end = end
 

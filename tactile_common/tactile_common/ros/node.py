@@ -20,6 +20,8 @@ from rclpy.subscription import RCLError, Subscription
 from tactile_common.ros.cdr import known
 
 DIAGNOSTICS_PERIOD = 1.0  # s
+# No warning of a missing input for this time: nodes start together, and some load kernels [s].
+START_UP = 20.0
 PARTS = ('tactile_common', 'numpy', 'scipy', 'numba')  # versions are published
 
 
@@ -101,12 +103,8 @@ class TactileNode(Node):
 
     @property
     def starting(self) -> bool:
-        """
-        True during the first 20 s, when a missing input does not need a warning.
-
-        The nodes of a launch start at the same time, and some must load kernels.
-        """
-        return time.monotonic() - self._begun < 20.0
+        """True during the first `START_UP` seconds: a missing input then needs no warning."""
+        return time.monotonic() - self._begun < START_UP
 
     def create_publisher(self, *arguments: Any, publisher_class: type = _SurvivingPublisher,
                          **kwargs: Any) -> Publisher:

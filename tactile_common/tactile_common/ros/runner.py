@@ -34,7 +34,12 @@ except ImportError:
 
 # Longest time between checks of `until` and the signals [s].
 _TICK = 0.05
+# More errors of rcl than this in a row have a lasting cause.
+_MOST_ERRORS = 100
 _LAST_WORDS = 2.0  # s
+_DELIVERY = 0.2  # s for the last messages to leave; they are lost if their writer is destroyed
+_ENDING = 3.5  # s for a node to be destroyed; launch sends SIGTERM after 5 s, kills after 10
+_BLOCKED = 1.0  # s more, then it ends even if a call of the middleware blocks all threads
 
 
 def split_ros_args(args: list[str]) -> tuple[list[str], list[str]]:
@@ -73,8 +78,7 @@ def spin(executor: Executor, context: rclpy.Context | None = None,
         except RCLError as error:
             failed += 1
             nodes = [node for node in executor.get_nodes() if isinstance(node, TactileNode)]
-            # More than a hundred in a row have a lasting cause.
-            if failed > 100 or not nodes or not context.ok():
+            if failed > _MOST_ERRORS or not nodes or not context.ok():
                 raise
             for node in nodes:
                 node.count_error(error)
@@ -173,13 +177,11 @@ def run(node_class: Any, args: list[str] | None = None,
                 end = time.monotonic() + _LAST_WORDS
                 spin(executor, context, lambda: until(node) or stop.is_set()
                      or time.monotonic() > end)
-                # Let the last messages leave: they are lost if their writer is destroyed.
-                end = time.monotonic() + 0.2
+                end = time.monotonic() + _DELIVERY
                 spin(executor, context, lambda: stop.is_set() or time.monotonic() > end)
         finally:
-            # launch sends SIGTERM after 5 s, kills after 10.
             with _on_one_core(), _in_time(
-                    lambda: stopped, 3.5, f'{node.get_name()} does not end; it waits'):
+                    lambda: stopped, _ENDING, f'{node.get_name()} does not end; it waits'):
                 executor.shutdown()  # first: no message may reach a destroyed node
                 node.destroy_node()
                 context.try_shutdown()
@@ -227,7 +229,7 @@ def _in_time(stopped: Callable[[], bool], seconds: float, text: str = '') -> Ite
     """
     done = threading.Event()
     if stopped():
-        faulthandler.dump_traceback_later(seconds + 1.0, exit=True)
+        faulthandler.dump_traceback_later(seconds + _BLOCKED, exit=True)
 
     def watch() -> None:
         while not done.wait(_TICK):
