@@ -22,13 +22,23 @@ from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 
 ASSUMED_POISSON, POISSON_STD = 0.45, 0.1  # prior of Poisson's ratio, for a soft skin
+PATCH, PATCH_STD = 0.5, 0.15  # prior of the radius of a patch over that of the ball
 SHEAR = 0.1  # standard deviation of the shear over the force while the ball is pressed straight
-LEAST_SPREAD = 0.003  # smallest spread of gains and forces
+# Spread of the gains until it is learnt; smallest spread of gains and forces [relative].
+USUAL_SPREAD, LEAST_SPREAD = 0.1, 0.003
+# Scatter until it is learnt; smallest scatter [share of the pressure].
+USUAL_SCATTER, LEAST_SCATTER = 0.05, 1e-3
 TAILS = 6.0  # degrees of freedom of the errors
 LONGEST = 0.2  # largest step of the numbers of skin and patch
+UPHILL = 1.0  # largest increase of chi-square by a step that is accepted
+# Largest number of Gauss-Newton steps: of the last fit, and of each round that learns spreads.
+MOST_STEPS, FEW_STEPS = 25, 8
+ROUNDS = 3  # number of these rounds
 SETTLED = 2e-3  # converged if a step is smaller [relative; pitches]
+SAME_PLACE = 0.3  # consecutive frames less far apart show the same press [pitches]
 UNLIKE = 3.0  # outlier: force off by more standard deviations, or misfit by this factor
 SEEN = 10.0  # a tactel counts as loaded above this [standard deviations]
+DEAD = 0.3  # a tactel is dead if it shows less than this share of the modelled load
 KIND = 4  # numbers of skin and patch: log depth, depth over thickness, Poisson's ratio, patch
 LEAST, MOST = (-np.inf, 0.0, 0.0, 0.05), (np.inf, 1.0, 0.5, 0.95)  # their bounds
 OWN = 5  # numbers of a press: force and two shears, relative to the force; place in pitches
@@ -124,11 +134,10 @@ class Likelihood:
         self.noise: np.ndarray = presses.noise.reshape(flat)
         self.floor = presses.floor.ravel()
         self.below = self.values <= self.floor
-        # Prior: the radius of a patch is 0.5 +- 0.15 of that of the ball.
-        self.usual = np.array([0.0, 0.0, ASSUMED_POISSON, 0.5])
-        self.known = np.array([0.0, 1.0, POISSON_STD**-2, 0.15**-2])
-        # Usual spread of the gains and scatter of the model, until they are learnt.
-        self.spread, self.scatter, self.shared = 0.1, 0.05, np.ones((len(presses), 1))
+        self.usual = np.array([0.0, 0.0, ASSUMED_POISSON, PATCH])
+        self.known = np.array([0.0, 1.0, POISSON_STD**-2, PATCH_STD**-2])
+        self.spread, self.scatter = USUAL_SPREAD, USUAL_SCATTER
+        self.shared = np.ones((len(presses), 1))
         self.force_std = np.full(len(presses), np.inf)
         self.offset_std = offset_std
         self.gone: np.ndarray = np.zeros(array.rows * array.columns, bool)
@@ -288,13 +297,13 @@ class Likelihood:
             unknowns.places + places * self.pitch, system.unknowns.forces,
             unknowns.level * np.exp(move[KIND:common])), np.append(wanted, places.ravel())
 
-    def iterate(self, unknowns: Unknowns, steps: int = 25) -> Unknowns:
+    def iterate(self, unknowns: Unknowns, steps: int = MOST_STEPS) -> Unknowns:
         """Take Gauss-Newton steps that decrease `chi`, until they converge."""
         longest, chi = LONGEST, self.chi(unknowns)
         for _ in range(steps):
             moved, move = self.step(unknowns, longest)
             below = self.chi(moved)
-            if below > chi + 1.0:
+            if below > chi + UPHILL:
                 longest = 0.3 * min(longest, np.abs(move[:KIND]).max())
                 if longest < SETTLED:
                     break
@@ -318,9 +327,9 @@ class Likelihood:
         free = max(1.0 - (told + OWN * len(model)) / strong.sum(), 0.2)
         excess = np.mean(tails * rest[:, :tactels][strong]**2 / free
                          - self.noise[strong]**2) / np.mean(model[strong]**2)
-        self.scatter = max(excess, 1e-6)**0.5
+        self.scatter = max(excess, LEAST_SCATTER**2)**0.5
         # Consecutive frames at one place belong to one press.
-        moved = np.hypot(*np.diff(unknowns.places, axis=0).T) > 0.3 * self.pitch
+        moved = np.hypot(*np.diff(unknowns.places, axis=0).T) > SAME_PLACE * self.pitch
         self.groups = np.concatenate([[0], np.cumsum(moved)])
         self.shared = np.bincount(self.groups)[self.groups][:, None].astype(float)
         common = KIND + len(unknowns.level)
@@ -338,7 +347,7 @@ class Likelihood:
         load = np.where(np.isfinite(self.values), model, 0.0) / self.noise
         power = (load**2).sum(axis=0)
         follows = (load * np.nan_to_num(self.values) / self.noise).sum(axis=0)
-        return (power > SEEN**2) & (follows < 0.3 * power)
+        return (power > SEEN**2) & (follows < DEAD * power)
 
     def hold(self, *numbers: int) -> None:
         """Fix numbers of the kind at their usual values."""
@@ -346,8 +355,8 @@ class Likelihood:
 
     def settle(self, unknowns: Unknowns) -> Unknowns:
         """Fit the unknowns; learn the spreads and exclude dead tactels meanwhile."""
-        for _ in range(3):
-            unknowns = self.iterate(unknowns, 8)
+        for _ in range(ROUNDS):
+            unknowns = self.iterate(unknowns, FEW_STEPS)
             self.gone |= self.dead(unknowns)
             self.values = np.where(self.gone, np.nan, self.values)
             unknowns = self.learn(unknowns)

@@ -8,6 +8,9 @@ from tactile_sensing.devices.unloaded import QUANTISATION
 from tactile_sensing.types.array import TactelArray
 
 LEAST_PEAK = 10.0  # smallest peak of a usable press [standard deviations]
+ELSEWHERE = 0.3  # a second load far from the press counts above this share of the peak
+SAME_PRESS = 1.5  # two frames show the same held press below this chi-square per tactel
+MOST_PRESSES = 120  # more presses cost time and add little information
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +56,7 @@ class Presses:
 
     def _is_like(self, i: int, group: list[int]) -> bool:
         off = (self.values[i] - self.values[group].mean(axis=0)) / self.noise[i]
-        return np.nanmean(off**2) < 1.5 * (1.0 + 1.0 / len(group))
+        return np.nanmean(off**2) < SAME_PRESS * (1.0 + 1.0 / len(group))
 
     def _mean(self, group: list[int]) -> tuple[np.ndarray, np.ndarray]:
         """Return the mean of some frames and its noise; NaN where only some are at the floor."""
@@ -68,8 +71,7 @@ def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict
     Select usable presses; return them and the reasons for the others, by frame number.
 
     `saturated` (N,) is the number of tactels at full scale in every frame. Frames of a held press
-    are averaged. At most 120 presses, spread over the pad, are kept: more cost time and add
-    little information.
+    are averaged. At most `MOST_PRESSES`, spread over the pad, are kept.
     """
     bad, good = {}, []
     for i, values in enumerate(presses.values):
@@ -87,7 +89,7 @@ def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict
     turn = np.zeros(len(peaks), int)
     for k in range(len(count)):
         turn[place.ravel() == k] = np.arange(count[k])
-    order = np.argsort(turn, kind='stable')[:120]
+    order = np.argsort(turn, kind='stable')[:MOST_PRESSES]
     return presses.only(np.sort(order)), bad
 
 
@@ -114,6 +116,6 @@ def why_not(values: np.ndarray, noise: np.ndarray, array: TactelArray, saturated
     around = np.hypot((array.x - array.x[column])[None], (array.y - array.y[row])[:, None])
     far = around > 5.0 * max(array.pitch_x, array.pitch_y)
     elsewhere = np.where(far, np.nan_to_num(values, nan=0.0), 0.0)
-    if elsewhere.max() > max(0.3 * peak, LEAST_PEAK * noise.max()):
+    if elsewhere.max() > max(ELSEWHERE * peak, LEAST_PEAK * noise.max()):
         return 'something presses elsewhere as well'
     return ''

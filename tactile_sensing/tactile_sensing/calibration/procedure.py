@@ -21,6 +21,9 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin
 
 FEWEST_PRESSES = 5  # of a ball, to fit a skin; twenty are better
+UNPRESSED = 0.03  # tactels far from a press read less than this share of its peak
+# If this share of a row or column is dead, its tactels that were not loaded count as dead too.
+DEAD_LINE = 0.25
 
 
 @dataclass
@@ -299,7 +302,7 @@ class _Procedure:
 def _check_unloaded(presses: Presses) -> None:
     each = presses.values.reshape(len(presses), -1)
     low = float(np.median(np.nanquantile(each, 0.05, axis=1)))
-    if low > 0.03 * np.median(np.nanmax(each, axis=1)):
+    if low > UNPRESSED * np.median(np.nanmax(each, axis=1)):
         raise ConfigurationError(f'tactels that nothing presses read {low:.0f} counts: --unloaded '
                                  'is missing, frames of the unloaded pad')
 
@@ -308,7 +311,7 @@ def _with_lines(dead: np.ndarray, tactels: Tactels | None) -> np.ndarray:
     """Return the dead tactels; mark rows and columns of which all loaded tactels are dead."""
     if tactels is not None:
         for some, idle in ((dead, tactels.unloaded), (dead.T, tactels.unloaded.T)):
-            some[(some.mean(axis=1) >= 0.25) & (some | idle).all(axis=1)] = True
+            some[(some.mean(axis=1) >= DEAD_LINE) & (some | idle).all(axis=1)] = True
     return dead
 
 

@@ -13,6 +13,8 @@ from tactile_sensing.types.array import TactelArray
 
 HELD = 20  # a press must be steady for this number of frames
 KEPT = 10  # frames of it that are kept
+STEADY = 0.05  # a steady press changes by less than this share of its peak, beside noise
+RELEASED = 0.5  # a press ends below this share of the peak at which one begins
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class PressCatcher:
         values = frame - self._offset
         peak = highest(values)
         strength = values[peak] / (LEAST_PEAK * self._noise[peak])
-        if strength < (0.5 if self._taken else 1.0):
+        if strength < (RELEASED if self._taken else 1.0):
             self._recent.clear()
             self._taken = False
             return None
@@ -77,7 +79,7 @@ class PressCatcher:
         frames = np.array(self._recent)
         change = np.abs(frames[half:].mean(axis=0) - frames[:half].mean(axis=0))
         by_chance = 5.0 * self._noise * np.sqrt(2.0 / half)
-        return bool((change < 0.05 * peak + by_chance).all())
+        return bool((change < STEADY * peak + by_chance).all())
 
 
 @dataclass

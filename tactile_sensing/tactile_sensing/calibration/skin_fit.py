@@ -21,6 +21,10 @@ from tactile_sensing.types.skin import Skin
 
 DEPTHS = (0.35, 0.6, 1.0, 1.5, 2.2, 3.2)  # pitches at which the search for the depth begins
 RATIOS = (0.35, 0.8)  # likewise depth over thickness
+EVIDENCE = 4.0  # the skin has a backing if this decreases chi-square by at least this amount
+BARE = 4.0  # prior odds of no backing against a backing
+EXACT = 1e-6  # standard deviation of a known offset [counts]
+SLANT = 0.3  # yaw of the edge, through the middle of the pad, for the error of forces [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +59,7 @@ class Fit:
 def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
                 known: Skin | None = None, poisson: float | None = None,
                 told: np.ndarray | None = None, source: np.ndarray | None = None,
-                offset_std: np.ndarray | float = 1e-6) -> Fit:
+                offset_std: np.ndarray | float = EXACT) -> Fit:
     """
     Fit skin and gains to presses of a ball.
 
@@ -100,11 +104,11 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
     problem.hold(1)
     plain = problem.iterate(replace(layer, kind=plain.kind))
     evidence = problem.chi(plain) - least
-    if evidence < 4.0:  # chi-square that a backing must gain
+    if evidence < EVIDENCE:
         plain = problem.settle(plain)
-        # A backing may exist although it does not show. Its probability, with prior odds of 1:4,
-        # gives the variance that its effect adds.
-        likely = 1.0 / (1.0 + 4.0 * math.exp(-0.5 * evidence))
+        # A backing may exist although it does not show. The variance that its effect adds follows
+        # from its probability.
+        likely = 1.0 / (1.0 + BARE * math.exp(-0.5 * evidence))
         return _result(problem, plain, likely**0.5 * np.append(
             layer.kind - plain.kind, np.log(layer.level / plain.level)))
     problem.known[1] = 1.0
@@ -176,7 +180,7 @@ def edge_force_std(presses: Presses, fit: Fit, source: int, area: bool) -> float
 
     def line(kind: np.ndarray) -> np.ndarray:
         return SkinPressure(skin_of(kind), *size).line(
-            array.x[None, :], array.y[:, None], 0.0, 0.3, 1.0)  # oblique
+            array.x[None, :], array.y[:, None], 0.0, SLANT, 1.0)
     edge, by = line(kind), np.zeros(len(fit.covariance))
     for k in range(3):
         step = step_of(kind, k)

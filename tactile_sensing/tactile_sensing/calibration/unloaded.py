@@ -8,6 +8,15 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.counts import Counts, MAX_BITS
 from tactile_sensing.devices.unloaded import unloaded_statistics
 
+MISSING = 5.0  # a threshold exists if more counts than this are expected below it, but missing
+MOST_NOISE = 5.0  # a tactel with more noise is dead [times the usual noise]
+MOST_FRAMES = 2000  # frames that are searched for tactels that do not follow a load
+# Load that two tactels on either side must show before the one between them is judged: in a
+# frame; in all frames, root of the sum of squares [standard deviations].
+STRONG, ENOUGH = 10.0, 20.0
+STUCK = 0.1  # a tactel is dead if it shows less than this share of that load
+TOUCHED = 5.0  # a tactel that once read at least this was loaded [standard deviations]
+
 
 @dataclass(frozen=True, eq=False)
 class Tactels:
@@ -57,7 +66,7 @@ def _threshold(counts: np.ndarray, lowest: int) -> int | None:
     least = int(above[0])
     # Without a threshold, about as many counts are expected below as in an equal range above.
     expected = np.count_nonzero(above < 2 * least - lowest)
-    return least if least > lowest + 1 and expected > 5 else None
+    return least if least > lowest + 1 and expected > MISSING else None
 
 
 def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tactels:
@@ -71,7 +80,7 @@ def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tact
     first = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
     usual = float(np.median(first.noise))
     dead = {}
-    for place in np.argwhere(first.noise > 5.0 * usual):
+    for place in np.argwhere(first.noise > MOST_NOISE * usual):
         dead[tuple(place.tolist())] = f'noise {first.noise[tuple(place)]:.1f} counts'
     for place in np.argwhere(first.offset >= counts.saturation - 1):
         dead[tuple(place.tolist())] = 'at full scale without load'
@@ -95,7 +104,7 @@ def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tact
 def _silent(loaded: np.ndarray, offset: np.ndarray,
             noise: float) -> tuple[np.ndarray, np.ndarray]:
     """Return which tactels do not follow their neighbours, and which were never loaded."""
-    values = np.nan_to_num(loaded[::-(-len(loaded) // 2000)] - offset)
+    values = np.nan_to_num(loaded[::-(-len(loaded) // MOST_FRAMES)] - offset)
     padded = np.pad(values, ((0, 0), (1, 1), (1, 1)))
     rows, columns = offset.shape
 
@@ -104,7 +113,7 @@ def _silent(loaded: np.ndarray, offset: np.ndarray,
     # Under an elastic skin, a tactel between two loaded ones is loaded too.
     between = np.max([np.minimum(beside(i, j), beside(-i, -j))
                       for i, j in ((0, 1), (1, 0), (1, 1), (1, -1))], axis=0)
-    between = np.where(between > 10.0 * noise, between, 0.0)
+    between = np.where(between > STRONG * noise, between, 0.0)
     power = (between**2).sum(axis=0)
-    silent = (power > (20.0 * noise)**2) & ((between * values).sum(axis=0) < 0.1 * power)
-    return silent, ~silent & (values.max(axis=0) < 5.0 * noise)
+    silent = (power > (ENOUGH * noise)**2) & ((between * values).sum(axis=0) < STUCK * power)
+    return silent, ~silent & (values.max(axis=0) < TOUCHED * noise)

@@ -5,8 +5,11 @@ import numpy as np
 from tactile_sensing.calibration.skin_fit import Fit
 from tactile_sensing.devices.calibration import Calibration
 
+MOST_DEAD = 0.1  # largest usual share of dead tactels
 MOST_LEFT_OUT = 0.04  # largest usual share of the pressure that the model does not explain
 USUAL_PATCH = 0.25, 0.75  # radius of a patch over that of the ball
+MOST_UNCERTAIN = 0.1  # largest usual standard deviation of the depth over the depth
+MOST_SPREAD = 0.3  # largest usual relative standard deviation of the gains
 FEW_PRESSES = 8  # with fewer presses, their consistency cannot be judged
 
 
@@ -18,7 +21,7 @@ def doubts(fit: Fit | None, ball_radius: float, dead: float) -> list[str]:
     share of dead tactels.
     """
     found, check = [], 'check --ball-radius and --pitch'
-    if dead > 0.1:
+    if dead > MOST_DEAD:
         found.append(f'{100.0 * dead:.0f} % of the tactels are dead: check the wiring')
     if fit is None:
         return found
@@ -32,9 +35,9 @@ def doubts(fit: Fit | None, ball_radius: float, dead: float) -> list[str]:
     if fit.groups[-1] + 1 < FEW_PRESSES:
         found.append(f'only {fit.groups[-1] + 1} presses at different places, '
                      f'{FEW_PRESSES} and more are needed')
-    if fit.depth_std > 0.1 * fit.skin.depth:
+    if fit.depth_std > MOST_UNCERTAIN * fit.skin.depth:
         found.append(f'the depth is only known within {1e3 * fit.depth_std:.2f} mm')
-    if fit.spread > 0.3:
+    if fit.spread > MOST_SPREAD:
         found.append(f'the gains of the tactels differ by {100.0 * fit.spread:.0f} %')
     return found
 

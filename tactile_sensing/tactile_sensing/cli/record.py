@@ -15,6 +15,8 @@ from tactile_sensing.cli.options import add_pitch, add_sensor, add_shape, opened
 from tactile_sensing.devices.frame_clock import SensorImage
 
 SHADES = ' .:-=+*#%@'
+DRAW_PERIOD = 0.2  # time between drawings [s]
+CLEAR = '\x1b[H\x1b[J'  # moves the cursor of a terminal to the top left and clears the screen
 
 
 def parser() -> argparse.ArgumentParser:
@@ -49,9 +51,9 @@ def look(images: Iterable[SensorImage],
     for count, image in enumerate(images):
         first = image.counts.astype(float) if first is None else first
         now = time.monotonic()
-        if now - at >= 0.2:
+        if now - at >= DRAW_PERIOD:
             rate, at, drawn = (count - drawn) / (now - at), now, count
-            show(f'\x1b[H\x1b[J{drawing(image.counts - first)}\n{rate:.0f} Hz, counts '
+            show(f'{CLEAR}{drawing(image.counts - first)}\n{rate:.0f} Hz, counts '
                  f'{image.counts.min()} to {image.counts.max()}; Ctrl-C ends\n')
 
 

@@ -17,6 +17,7 @@ from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo
 from tactile_sensing.types.skin import Skin
 
 RESOLUTION = (1e-12, 1e12)
+TOLERANCE = 5 / 255  # default tolerance of a tare [share of the range of the counts]
 Convert = Callable[[np.ndarray], tuple[Layer, int]]
 
 
@@ -51,7 +52,7 @@ class Calibration:
     # Size of one count in the unit of frames in files, if that is not counts but e.g. V.
     resolution: float = bounded(1.0, '', '', *RESOLUTION)
     dead_tactels: tuple[int, ...] = ()  # row-major indices of tactels that are never used
-    # Largest deviation of an unloaded tactel from `baseline` [counts]; 0: 5 / 255 of the range.
+    # Largest deviation of an unloaded tactel from `baseline` [counts]; 0: by TOLERANCE.
     tare_tolerance: float = _at_least_0()
     # For each row of the image, the index of the raw row; the same for columns. Empty: unchanged.
     row_order: tuple[int, ...] = ()
@@ -168,7 +169,7 @@ class Calibration:
             raise TareRefusedError(
                 f'frames have shape {frames.shape}, must be (n, {self.raw_shape[0]}, '
                 f'{self.raw_shape[1]})')
-        about, tolerance = self.baseline, self.tare_tolerance or 5 / 255 * (
+        about, tolerance = self.baseline, self.tare_tolerance or TOLERANCE * (
             self.counts.highest - self.counts.lowest)
         if before is not None:
             about, tolerance = before.offset, before.noise_std

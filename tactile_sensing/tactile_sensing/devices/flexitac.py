@@ -29,6 +29,9 @@ from tactile_sensing.devices.protocol import Decoder, Device, Piece
 
 MARKER = b'\xaa\x55'
 AMBIGUOUS_PERIODS = 8  # periods to wait while several places are possible
+FIXED_FRAMES = 8  # a mimic at the same place in this number of frames counts as fixed
+LOCK_PERIODS = 2  # confirmed periods required for lock: three markers
+MAX_RIVALS = 8  # places to compare, those nearest to the expected one
 
 
 def encode_payload(counts: np.ndarray) -> bytes:
@@ -60,7 +63,7 @@ class FlexiTacDecoder(Decoder):
     Decoder of `flexitac`.
 
     `kind` is the type of the counts, an integer of one or two bytes. Without lock, each byte is
-    searched once, and at most eight places are compared per period.
+    searched once, and at most `MAX_RIVALS` places are compared per period.
     """
 
     announced = len(MARKER)
@@ -130,7 +133,7 @@ class FlexiTacDecoder(Decoder):
 
     def _slipped(self) -> bool:
         """Return whether the true marker appears where it is if a mimic has taken its place."""
-        fixed = [place for place, count in self._mimics.items() if count >= 8]  # in 8 frames
+        fixed = [place for place, count in self._mimics.items() if count >= FIXED_FRAMES]
         return any(self._buffer.startswith(MARKER, self._period - place) for place in fixed
                    if self._period - place not in self._mimics)
 
@@ -138,7 +141,7 @@ class FlexiTacDecoder(Decoder):
         """Return the run of the frame markers; None: more bytes are needed."""
         while (at := self._buffer.find(MARKER, max(self._next - self._origin, 0))) >= 0:
             run = self._extend(self._origin + at)
-            if run.periods < 2:  # three markers are required
+            if run.periods < LOCK_PERIODS:
                 continue
             if len(self._runs) == 1:
                 return run
@@ -179,7 +182,7 @@ class FlexiTacDecoder(Decoder):
                 run.periods * self._period - run.last))
         # Bytes are lost, not added: the true place is at or before the expected one.
         runs.sort(key=lambda run: (start - run.last) % self._period)
-        strange = [self._strangers(run) for run in runs[:8]]
+        strange = [self._strangers(run) for run in runs[:MAX_RIVALS]]
         if not settled and (min(strange) or strange.count(0) > 1):
             return None
         return runs[strange.index(min(strange))]

@@ -15,6 +15,13 @@ RATE_MARGIN = 6.0  # largest rate relative to the nominal one: a sensor may be s
 MAX_RATE = 10e3  # largest rate if no nominal rate is known [Hz]
 BURST = 0.1  # frames of this time may arrive at once after a pause [s]
 BLOCK_NS = NS // 2  # the frame with the smallest delay of each such block is used
+LEAST_BLOCKS, BLOCKS = 4, 20  # smallest and largest number of blocks that a line is fitted to
+OFF_LINE_NS = 1e6  # a clock or a count has jumped if a block is farther from the line [ns]
+# A late frame shows that others were omitted if the jitter is below this share of a period.
+SURE = 0.6
+EARLY = 0.25  # a frame may be early by this share of a period
+MOST_JITTER = 3.0  # largest correction of a frame's arrival [times the usual jitter]
+JUMP_NS = NS  # a stamp earlier than the last one by this shows that the clock was set back [ns]
 
 
 class SensorImage(NamedTuple):
@@ -45,7 +52,7 @@ class SendTime:
     def restart(self) -> None:
         """Start again; until a line is fitted, the arrival is returned."""
         self._block: list[tuple[int, int]] = []  # device time and arrival
-        self._blocks: deque[np.ndarray] = deque(maxlen=20)
+        self._blocks: deque[np.ndarray] = deque(maxlen=BLOCKS)
         # Slope and offset relative to the origin; slope 0: no line yet.
         self._line = 0.0, 0.0
         self._origin = (0, 0)
@@ -57,12 +64,10 @@ class SendTime:
         If the device time is a count of frames times their period, give the period too.
         """
         device_ns += self._left_out_ns
-        # If the jitter is well below a period, a late frame shows that others were omitted. It may
-        # be early by a quarter of a period.
-        if self._jitter_ns < 0.6 * self._line[0] * period_ns:
+        if self._jitter_ns < SURE * self._line[0] * period_ns:
             late_ns = arrival_ns - self._sent(device_ns)
             left_out_ns = round(period_ns * math.floor(
-                late_ns / (self._line[0] * period_ns) + 0.25))
+                late_ns / (self._line[0] * period_ns) + EARLY))
             self._left_out_ns += left_out_ns
             device_ns += left_out_ns
         self._block.append((device_ns, arrival_ns))
@@ -73,7 +78,7 @@ class SendTime:
             self._fit()
         if not self._line[0]:
             return arrival_ns
-        most_ns = round(3.0 * self._jitter_ns)
+        most_ns = round(MOST_JITTER * self._jitter_ns)
         return min(max(self._sent(device_ns), arrival_ns - most_ns), arrival_ns)
 
     def _sent(self, device_ns: int) -> int:
@@ -81,7 +86,7 @@ class SendTime:
         return self._origin[1] + round(slope * (device_ns - self._origin[0]) + offset)
 
     def _fit(self) -> None:
-        if len(self._blocks) < 4:
+        if len(self._blocks) < LEAST_BLOCKS:
             return
         origin = self._blocks[0][0]
         blocks = [(block - origin).astype(float) for block in self._blocks]
@@ -92,8 +97,8 @@ class SendTime:
             lowest = np.array([block[(block[:, 1] - slope * block[:, 0]).argmin()]
                                for block in blocks])
         offset = mean[1] - slope * mean[0]
-        if np.abs(lowest[:, 1] - slope * lowest[:, 0] - offset).max() > 1e6:
-            # A clock or a count has jumped: start again with the last block.
+        if np.abs(lowest[:, 1] - slope * lowest[:, 0] - offset).max() > OFF_LINE_NS:
+            # Start again with the last block.
             last = self._blocks[-1]
             self.restart()
             self._blocks.append(last)
@@ -212,7 +217,7 @@ class FrameClock:
         elif self._nominal_ns:
             stamp_ns = self._send_time.of(
                 round(frame.sequence * self._nominal_ns), stamp_ns, self._nominal_ns)
-        if 0 <= self._given_ns - stamp_ns < NS:  # if more, the clock was set back
+        if 0 <= self._given_ns - stamp_ns < JUMP_NS:
             stamp_ns = self._given_ns + 1  # the period was overestimated
         elapsed = 1e-9 * max(stamp_ns - self._given_ns, 0)
         credit = min(self._credit + elapsed * self._limit, BURST * self._limit)

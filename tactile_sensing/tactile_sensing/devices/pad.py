@@ -9,6 +9,8 @@ from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.tare import Tare, TareRefusedError
 from tactile_sensing.types.image import TactileImage
 
+STALE = 1.0  # older frames do not show the present pad, and make no tare [s]
+
 
 class Pad:
     """
@@ -74,7 +76,7 @@ class Pad:
             if len(frames) < self._tare_frames:
                 raise TareRefusedError(
                     f'no frames: {len(frames)} of {self._tare_frames} have arrived')
-            if age > 1.0:
+            if age > STALE:
                 raise TareRefusedError('no frames: the last one is older than a second')
             tare = self.calibration.make_tare(frames, None if anew else self.tare)
         except TareRefusedError as error:

@@ -8,6 +8,9 @@ from numpy.typing import DTypeLike
 
 from tactile_common.errors import ConfigurationError
 
+LEAST_STEP = 4  # fewest ticks per frame with which a missing frame is detected
+LONGEST_STEP_NS = 10_000_000_000  # after a longer step, the device's clock has restarted [ns]
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -141,11 +144,10 @@ class Decoder:
         """Follow the device's clock; return how many frames were skipped, None: unknown."""
         step = 0 if self._ticks is None else (ticks - self._ticks) % self.wrap
         self._ticks = ticks
-        if not 0 < step * self.tick_ns <= 10_000_000_000:  # otherwise its clock has restarted
+        if not 0 < step * self.tick_ns <= LONGEST_STEP_NS:
             return None
         self._device_ns += step * self.tick_ns
-        # With fewer than four ticks per frame, a missing frame cannot be detected.
-        missed = round(step / self._step) - 1 if self._step >= 4 else 0
+        missed = round(step / self._step) - 1 if self._step >= LEAST_STEP else 0
         if missed <= 0:
             self._step += (step - self._step) * (0.1 if self._step else 1.0)
         return max(missed, 0)

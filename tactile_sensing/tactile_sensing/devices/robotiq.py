@@ -18,6 +18,7 @@ from tactile_sensing.devices.protocol import Device, PacketDecoder, Piece
 
 START = 0x9A
 AUTOSEND = 0x58
+COMMAND = 0x0F  # bits of the command itself; the upper bits are flags
 LARGEST = 60  # bytes of data
 SHAPE = (7, 4)
 TEMPERATURE, STATIC = 0x60, 0x10
@@ -64,8 +65,7 @@ class TsfDecoder(PacketDecoder):
 
     def _size(self, at: int) -> int:
         command, size = self._buffer[at + 2:at + 4]
-        # The upper bits of a command are flags.
-        sound = command & 0x0F == AUTOSEND & 0x0F and size <= LARGEST
+        sound = command & COMMAND == AUTOSEND & COMMAND and size <= LARGEST
         return self.HEAD + size if sound else 0
 
     def _parse(self, packet: bytes) -> Piece | None:

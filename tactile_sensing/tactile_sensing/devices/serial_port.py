@@ -11,6 +11,8 @@ from serial.tools import list_ports
 REFUSALS = {
     errno.EACCES: 'may not be opened: join its group (often dialout), then log in anew',
     errno.EAGAIN: 'is in use by another program', errno.EBUSY: 'is in use by another program'}
+READ_TIMEOUT = 0.02  # longest wait for a byte: a reader notices its end after this time [s]
+MAX_READ = 1 << 16  # bytes of one read
 _USB = re.compile(r'usb:([0-9a-f]{4}):([0-9a-f]{4})(?::(.+))?', re.IGNORECASE)
 
 
@@ -56,7 +58,7 @@ class SensorPort:
         self._device = os.path.realpath(self._path)
         try:
             self._serial = serial.Serial(
-                self._path, baud, timeout=0.02, write_timeout=1.0, exclusive=True)
+                self._path, baud, timeout=READ_TIMEOUT, write_timeout=1.0, exclusive=True)
         except (OSError, termios.error, ValueError) as error:  # ValueError: impossible baud
             raise OSError(f'{self._path} {_refusal(error, self._path)}') from error
         try:
@@ -66,11 +68,11 @@ class SensorPort:
             pass
 
     def read(self) -> bytes:
-        """Return the bytes that have arrived, at most 64 kB; wait up to 20 ms for the first."""
+        """Return arrived bytes, at most `MAX_READ`; wait `READ_TIMEOUT` [s] for the first."""
         waiting = self._serial.in_waiting
         if waiting < self._frame_size:
             self.caught_up_at = time.monotonic()
-        data = self._serial.read(min(waiting, 1 << 16) or 1)
+        data = self._serial.read(min(waiting, MAX_READ) or 1)
         if not data and os.path.realpath(self._path) != self._device:
             raise OSError(f'{self._path} is another device now')
         return data

@@ -13,6 +13,8 @@ from tactile_sensing.devices.frame_clock import FrameClock, SensorImage
 from tactile_sensing.devices.registry import options_of, protocol_named
 from tactile_sensing.devices.serial_port import SensorPort
 
+USUAL_RATE = 100.0  # image rate that a device is asked for if none is known [Hz]
+LAG_NS = 100_000_000  # frames older by this than the newest of a read are discarded [ns]
 BACK_OFF = 0.02, 0.5  # first and largest time between attempts to open the port [s]
 ASK_AGAIN = 2.0  # repeat the start command after this time without a frame: device restarted? [s]
 SILENCE = 1.0  # time without a byte or a frame after which this is reported [s]
@@ -29,8 +31,8 @@ class SensorStream:
 
     Iterate over its images until it is closed, or call `read`; it is also a context manager. For
     the arguments see `open_sensor`. A baud of 0 and a kind of None mean those of the protocol. A
-    rate of 0 means unknown; the device is then asked for 100 Hz. `now_ns` is the clock of the
-    stamps. `tell(text, gone)` is called whenever the port is opened or lost.
+    rate of 0 means unknown; the device is then asked for `USUAL_RATE`. `now_ns` is the clock of
+    the stamps. `tell(text, gone)` is called whenever the port is opened or lost.
     """
 
     def __init__(self, port: str, protocol: str, shape: tuple[int, int], *,
@@ -41,7 +43,7 @@ class SensorStream:
         row = protocol_named(protocol)
         kind = np.dtype(row.kind if kind is None else kind)
         self.decoder = row.decoder(*shape, kind, **options or {})
-        self._start = self.decoder.start(rate or 100.0)
+        self._start = self.decoder.start(rate or USUAL_RATE)
         self.frames = FrameClock(self.decoder, rate)
         self.port, self._frame_size = port, shape[0] * shape[1] * kind.itemsize
         self._baud, self._now_ns, self._tell = baud or row.baud_rate, now_ns, tell
@@ -116,8 +118,8 @@ class SensorStream:
         if not frames:
             return []
         self.last_frame_at = now
-        # Only the last 0.1 s of a read, so that a slow reader gets the latest images.
-        recent = [item for item in frames if frames[-1].stamp_ns - item.stamp_ns < 100_000_000]
+        # A slow reader gets only the latest images.
+        recent = [item for item in frames if frames[-1].stamp_ns - item.stamp_ns < LAG_NS]
         self.skipped += len(frames) - len(recent)
         return recent
 

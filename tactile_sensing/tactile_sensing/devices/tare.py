@@ -11,6 +11,7 @@ from tactile_sensing.devices.unloaded import unloaded_statistics
 
 # With fewer frames, neither the noise nor steadiness can be determined.
 MIN_TARE_FRAMES = 20
+CHANCE = 5.0  # a mean may be off by this much by chance [standard deviations]
 
 
 class TareRefusedError(TactileError):
@@ -71,8 +72,7 @@ def tare_of(frames: np.ndarray, counts: Counts, baseline: np.ndarray, live: np.n
     offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
     # Median change from frame to frame: a load that begins does not count as noise.
     steps = np.abs(np.diff(frames[:, live].astype(np.float64), axis=0))
-    # By chance, a mean may differ by up to five standard deviations.
-    chance = 5.0 * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))
+    chance = CHANCE * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))
     deviation, allowed = np.where(live, offset - baseline, 0.0), tolerance + chance
     worst = np.unravel_index(np.abs(deviation).argmax(), deviation.shape)
     if abs(deviation[worst]) > allowed:

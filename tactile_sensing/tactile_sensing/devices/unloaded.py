@@ -7,6 +7,10 @@ from scipy.special import log_ndtr, logsumexp, ndtr
 
 QUANTISATION = 1.0 / 12.0  # variance of rounding to whole counts [counts^2]
 QUIET = 1.0  # below this noise, rounding hides a part of it [counts]
+HIDDEN = 0.99  # if a larger share of the readings is below the threshold, it hides the noise
+LEAST_SEEN = 2  # a tactel with more readings above the threshold has a known offset
+NOISIER = 9.0  # a tactel gets its own noise above this multiple of the usual variance
+THRESHOLD_STD = 4.0  # thresholds are set to this multiple of the noise, (3.5) of the thesis
 LEVELS = np.arange(-4, 5)  # counts of a quiet tactel, relative to its usual count
 
 
@@ -50,8 +54,8 @@ def unloaded_statistics(frames: np.ndarray, threshold: float, lowest: float,
     if not seen.all():
         offset, variance = _censored(frames, seen, threshold - 0.5, offset, variance)
     # If nearly all readings are hidden, a tactel with occasional readings was touched.
-    silent = np.mean(~seen[:, live]) > 0.99
-    often = count > (0.5 * len(frames) if silent else 2)
+    silent = np.mean(~seen[:, live]) > HIDDEN
+    often = count > (0.5 * len(frames) if silent else LEAST_SEEN)
     told, offset = live & often, np.where(often, offset, lowest)
     mean = max(variance[told].mean(), QUANTISATION) if told.any() else QUANTISATION
     by_chance = 2.0 / (len(frames) - 1)  # relative variance of a sample variance
@@ -62,12 +66,10 @@ def unloaded_statistics(frames: np.ndarray, threshold: float, lowest: float,
     if whole and not silent and told.any() and mean < QUIET**2 + QUANTISATION:
         centre, variance = _rounded(frames, threshold, told)
         offset = np.where(told, centre, offset)
-        # A variance of nine times the usual one is not due to chance.
-        shrunk = np.where(told & (shrunk > 9.0 * variance), shrunk, variance)
+        shrunk = np.where(told & (shrunk > NOISIER * variance), shrunk, variance)
     noise = np.sqrt(np.maximum(shrunk, QUANTISATION))
     if silent:
-        # Thresholds are set to four standard deviations of the noise (3.5).
-        noise = np.maximum(noise, (threshold - 0.5 - lowest) / 4.0)
+        noise = np.maximum(noise, (threshold - 0.5 - lowest) / THRESHOLD_STD)
     return Unloaded(offset, noise)
 
 

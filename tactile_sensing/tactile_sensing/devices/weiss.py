@@ -22,6 +22,7 @@ FRAME, DSA_CONFIGURE = 0x00, 0x03
 START, STOP, TARE, THRESHOLD = 0x21, 0x22, 0x23, 0x34
 HEAD = len(PREAMBLE) + 3
 RUN_LENGTH, ACQUIRE = 0x01, 0x80  # flags
+LARGEST_REPLY = 256  # largest payload of a reply [bytes]
 LONGEST_RUN, HIGHEST = 15, 4095
 NO_COMMAND = 4  # status of an unknown command; 0 is success
 
@@ -74,7 +75,7 @@ class WeissDecoder(PacketDecoder):
         if not 0 <= first <= self._cells - size:
             raise ConfigurationError(
                 f'first is {first}, must be from 0 to {self._cells - size} of {self._cells} cells')
-        self._most = max(5 + 2 * self._cells, 256)  # largest payload of a frame or reply [bytes]
+        self._most = max(5 + 2 * self._cells, LARGEST_REPLY)  # of a payload [bytes]
         self.buffer_bound = HEAD + self._most + 2
 
     def start(self, rate: float) -> bytes:

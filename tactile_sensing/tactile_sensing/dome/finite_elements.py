@@ -127,7 +127,7 @@ def _readings(place: _Places, dome: Dome, skin: SkinConfig, array: TactelArray,
                 stress = lame[0] * np.einsum('iin->n', gradient) + 2.0 * lame[1] * pull
                 rows.append(np.arange(x.size))
                 columns.append(dofs)
-                numbers.append(-stress / 8.0)
+                numbers.append(-stress / 8.0)  # mean of 4 points on 2 sides
     return coo_matrix((np.concatenate(numbers), (np.concatenate(rows), np.concatenate(columns))),
                       shape=(x.size, place.basis.N)).tocsr()
 

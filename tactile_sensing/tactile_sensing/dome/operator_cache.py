@@ -16,6 +16,8 @@ from tactile_sensing.dome.geometry import Dome
 from tactile_sensing.dome.skin import SkinConfig
 from tactile_sensing.types.array import TactelArray
 
+QUIET = 2.0  # time before the progress bar appears [s]
+
 
 def operator_for(dome: Dome, skin: SkinConfig, array: TactelArray,
                  folder: Path | None = None) -> Operator:
@@ -34,7 +36,7 @@ def operator_for(dome: Dome, skin: SkinConfig, array: TactelArray,
             return Operator(**{name: stored[name] for name in Operator._fields})
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         pass
-    with Progress(1.0, delay=2.0) as bar:
+    with Progress(1.0, delay=QUIET) as bar:
         operator = finite_elements.solve(
             dome, skin, array, lambda share, step: bar.show(share, 'skin', step))
     with suppress(OSError):

@@ -35,6 +35,10 @@ from tactile_sensing.devices.tare import (
 )
 from tactile_sensing.nodes.image_topic import ImageTopic
 
+MIN_BAUD = 1200  # smallest line speed [bit/s]
+TARE_KEPT = 600.0  # an older tare is not resumed, because an unloaded pad drifts [s]
+# Longest wait for the reader at the end [s]; it checks `closed` after each read of about 20 ms.
+_LAST_READ = 2.0
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -68,9 +72,9 @@ class DriverConfig:
     def __post_init__(self) -> None:
         if not self.port and not self.topic:
             raise ConfigurationError("parameter 'port' is empty, must name a serial port")
-        if 0 < self.baud < 1200:
+        if 0 < self.baud < MIN_BAUD:
             raise ConfigurationError(
-                f"parameter 'baud' is {self.baud}, must be 0 or at least 1200 bit/s")
+                f"parameter 'baud' is {self.baud}, must be 0 or at least {MIN_BAUD} bit/s")
 
 
 class DriverNode(LifecycleNodeMixin, TactileNode):
@@ -151,7 +155,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
                 self.source.close()
         else:
             self.source.closed.set()
-            self._thread.join(2.0)  # it checks `closed` after each read of about 20 ms
+            self._thread.join(_LAST_READ)
             if self._thread.is_alive():
                 self.get_logger().warning(
                     f'{self._config.port} does not answer: its reader is left behind')
@@ -207,7 +211,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         except ConfigurationError:  # no usable tare was saved
             return
         age = 1e-9 * (self.get_clock().now().nanoseconds - at_ns)
-        if 0.0 <= age <= 600.0:  # an unloaded pad drifts
+        if 0.0 <= age <= TARE_KEPT:
             self._pad.resume(tare)
             self._publish_info(at_ns)
             self.get_logger().warning(

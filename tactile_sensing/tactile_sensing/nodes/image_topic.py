@@ -14,6 +14,7 @@ from tactile_common.ros.conversions import stamp_to_ns
 from tactile_sensing.conversions import counts_from_msg
 from tactile_sensing.devices.stream import SILENCE
 
+LOOK_PERIOD = 0.5  # time between checks for a publisher [s]
 TYPES = {'sensor_msgs/msg/Image': Image, 'std_msgs/msg/Float32MultiArray': Float32MultiArray,
          'std_msgs/msg/UInt16MultiArray': UInt16MultiArray}
 
@@ -34,7 +35,7 @@ class ImageTopic:
         self._trouble = f'nobody publishes {self.port}'
         self.frames = 0
         self._last_at = time.monotonic()
-        self._timer = node.create_timer(0.5, self._look)
+        self._timer = node.create_timer(LOOK_PERIOD, self._look)
         self._look()
 
     def _look(self) -> None:

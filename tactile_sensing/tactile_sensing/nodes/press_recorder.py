@@ -18,6 +18,7 @@ from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.types.image import TactileImage
 
 SILENCE = 5.0  # longest wait for an image [s]
+DISCARD = 0.1  # time after an answer in which images arrive that were waiting [s]
 
 
 class PressRecorderNode(TactileNode):
@@ -45,7 +46,7 @@ class PressRecorderNode(TactileNode):
     def ask(self, text: str) -> str:
         """Ask the user and return the answer; discard images that arrived before it."""
         answer = input(text)
-        self._hear(0.1, until_image=False)
+        self._hear(DISCARD, until_image=False)
         self._images.clear()
         return answer
 

@@ -18,6 +18,9 @@ from tactile_sensing.types.moments import Moments
 from tactile_sensing.types.skin import Skin
 
 MIN_ELONGATION = 3.0  # smallest ratio of the second moments of an edge
+THRESHOLD_STD = 4.0  # a line's tactels below this count as zero, (3.5) [standard deviations]
+# Largest share of the energy that a contact may leave unexplained: the closed forms are biased.
+UNEXPLAINED = 0.5
 
 
 def estimate_by_moments(frame: np.ndarray, array: TactelArray, layers: Sequence[Any], *,
@@ -48,8 +51,7 @@ def estimate_by_moments(frame: np.ndarray, array: TactelArray, layers: Sequence[
     """
     main = [layer.component for layer in layers].index('zz')
     noise, image = layers[main].noise_std, frame[main]
-    # For a line, tactels below 4 standard deviations count as zero (3.5).
-    cleaned = image_moments(image, array, threshold=4.0 * noise)
+    cleaned = image_moments(image, array, threshold=THRESHOLD_STD * noise)
     contact = Contact(ContactType.OTHER, False, Reason(0), method)
     if model == 'line' or (model == 'auto' and cleaned.elongation() >= MIN_ELONGATION):
         expected = _line(contact, cleaned, array, layers[main].depth)
@@ -74,7 +76,7 @@ def _judge(contact: Contact, image: np.ndarray, expected: np.ndarray, noise: flo
     contact.residual = math.sqrt(squared / max(used - 5, 1)) / noise
     if contact.snr < min_snr:
         contact.type, contact.reasons = ContactType.NONE, Reason.LOW_SNR
-    elif not squared <= 0.5 * np.nansum(image**2):  # large, because the forms are biased
+    elif not squared <= UNEXPLAINED * np.nansum(image**2):
         contact.type, contact.reasons = ContactType.OTHER, Reason.BAD_FIT
     elif not contact.reasons and (
             abs(contact.x) > array.half_width_x or abs(contact.y) > array.half_width_y):

@@ -18,6 +18,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
 
 MAX_STEPS = 30  # the thesis needs fewer than 10; near a border the convergence is slower
+SMALLEST_MASK = 1.5  # half side of the smallest mask [pitches]
 SETTLED = 1e-6  # converged if the last step is smaller along both axes [m]
 
 
@@ -59,7 +60,7 @@ def compensated(images: np.ndarray, array: TactelArray, layers: Sequence[Any], *
     for step in range(1, MAX_STEPS + 1):
         x, y = estimate.a, estimate.b
         mask = min(array.half_width_x - abs(x), array.half_width_y - abs(y))
-        if mask < 1.5 * max(array.pitch_x, array.pitch_y):
+        if mask < SMALLEST_MASK * max(array.pitch_x, array.pitch_y):
             return replace(
                 estimate, flags=estimate.flags | MomentFlag.OFF_PAD, iterations=step)
         moments = window_moments(images, array, x, y, mask)
@@ -85,7 +86,7 @@ def window_moments(
     """Return the moments about (x, y) of each image within |x' - x|, |y' - y| <= mask [m]."""
     weight_x, arm_x = _within(array.x - x, array.pitch_x, mask)
     weight_y, arm_y = _within(array.y - y, array.pitch_y, mask)
-    return [Moments(*(
+    return [Moments(*(  # p, q: orders of x and y, as in Moments
         float((weight_y * arm_y**q) @ image @ (weight_x * arm_x**p))
         for p, q in ((0, 0), (1, 0), (0, 1), (2, 0), (0, 2), (1, 1)))) for image in images]
 

@@ -20,6 +20,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
 
 NAN = float('nan')
+MIN_SHEAR_RATIO = 1e-3  # |Qx| / P, up to which b = SMy / SM0 of (2.6) is singular
 
 
 class MomentFlag(IntFlag):
@@ -144,7 +145,7 @@ def _normal_and_shear(moments: Sequence[Moments], depths: Sequence[float],
     if shear_y:
         force_y = shear_y[0].m0
         b = (normal.my - depth * force_y) / normal.m0
-    elif not abs(shear_x.m0) <= 1e-3 * normal.m0:
+    elif not abs(shear_x.m0) <= MIN_SHEAR_RATIO * normal.m0:
         b = shear_x.my / shear_x.m0
         force_y = (normal.my - b * normal.m0) / depth
     else:
