@@ -20,7 +20,11 @@ from tactile_servo.sensor_watch import SensorWatch
 from tactile_servo.wrist import Wrist
 
 _SATURATED, _NOT_TARED = int(ContactReason.SATURATED), int(ContactReason.NOT_TARED)
+IMPOSSIBLE = 1e9  # Pa, from which on a pressure is a fault and does not count
 SAME_PITCH = 1e-3  # relative
+# Largest difference of a joint from its command [rad]; more is too far even if the sensor hardly
+# moves by it.
+JOINT_ERROR = 0.15
 AGEING = 0.4  # share of the allowed age of an input above which the pad slows down
 
 
@@ -94,7 +98,7 @@ class Inputs:
         for layer in image.layers if image.tared else ():
             if layer.component == 'zz' and layer.unit == 'Pa':
                 stress = np.asarray(layer.stress, np.float64)
-                pressure += float(stress[np.abs(stress) < 1e9].sum())
+                pressure += float(stress[np.abs(stress) < IMPOSSIBLE].sum())
         self._pictured, self._summed = arrival, pressure * array.pitch_x * array.pitch_y
 
     def refuse(self, reason: Reason) -> None:
@@ -169,7 +173,7 @@ class Inputs:
         if self.joints is None:
             return None
         off = np.abs(commanded - self.joints.value)
-        if (off <= 0.15).all():  # rad; more is too far even if the sensor hardly moves by it
+        if (off <= JOINT_ERROR).all():
             return None
         # The joint with the largest difference, or with NaN.
         return Reason(ReasonCode.NOT_FOLLOWING, self._names[int(np.argmax(off))])

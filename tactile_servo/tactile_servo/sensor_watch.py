@@ -9,8 +9,11 @@ from tactile_sensing.types.image import TactileImage
 from tactile_servo.reasons import Reason, ReasonCode
 
 LIVELY = 4.0  # a tactel that changes after fewer images on average is lively: noise shows its life
+LEAST_LIVELY = 0.25  # least share of lively tactels, of all: with fewer, noise shows nothing
 TOGETHER = 0.1  # share of lively tactels, at least two, that must be silent to be reported
 CHANCE = 1e-9  # probability that so many are silent by chance
+INTERVAL_WEIGHT = 0.2  # weight of the newest interval in its running mean
+PULLED = 0.25  # largest pull at the whole pad that an image may show, as a share of the force
 SAME = 0.01  # m of travel within which even an image without noise must change under load
 
 
@@ -53,11 +56,11 @@ class SensorWatch:
     @property
     def watches(self) -> bool:
         """Whether there is enough noise to detect that the sensor falls silent."""
-        return self._lively > 0.25
+        return self._lively > LEAST_LIVELY
 
     def problem(self, force: float) -> Reason | None:
         """Return why the sensor cannot be trusted while a force [N] is wanted, or None."""
-        if self._below > 0.25 * force:
+        if self._below > PULLED * force:
             return Reason(ReasonCode.SENSOR_DRIFTED, 'the pad seems to be pulled by '
                           f'{self._below:.1f} N; tare it')
         if self._same > SAME:
@@ -96,7 +99,7 @@ def _compare(stress: np.ndarray, before: np.ndarray, quiet: np.ndarray, interval
             changed = True
             if not loaded:
                 mean = interval[n] if interval[n] < np.inf else quiet[n]
-                interval[n] = mean + 0.2 * (quiet[n] - mean)
+                interval[n] = mean + INTERVAL_WEIGHT * (quiet[n] - mean)
         if not inside or stress[n] != before[n]:
             quiet[n] = 0.0
         if interval[n] < LIVELY:

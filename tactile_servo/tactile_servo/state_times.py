@@ -5,12 +5,14 @@ from tactile_servo.law import Goal
 from tactile_servo.types import State, TRACKING
 
 SLACK = 10.0  # s in addition to the time for the distance
+SLOWNESS = 0.05  # share of the wanted speed for which the time is sufficient
+SOFT_TOUCH = 2.5  # N, wanted force below which the approach is slower, in proportion
 LONGEST_TRACK = 1800.0  # s, for a goal without a length
 
 
 def approach_speed(config: ServoConfig, force: float) -> float:
-    """Return the speed of the approach [m/s], reduced for forces below 2.5 N."""
-    return config.approach.speed * min(force / 2.5, 1.0)
+    """Return the speed of the approach [m/s], reduced for forces below `SOFT_TOUCH`."""
+    return config.approach.speed * min(force / SOFT_TOUCH, 1.0)
 
 
 class StateTimes:
@@ -21,7 +23,7 @@ class StateTimes:
         length = getattr(goal, 'length', 0.0)
 
         def way(distance: float, speed: float) -> float:
-            return SLACK + distance / (0.05 * speed)
+            return SLACK + distance / (SLOWNESS * speed)
 
         self._longest = {
             State.APPROACH: way(config.approach.distance, approach_speed(config, goal.force)),

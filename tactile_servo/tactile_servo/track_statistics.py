@@ -6,6 +6,7 @@ import numpy as np
 
 from tactile_servo.types import TaskError
 
+CONTOUR_SPACING = 0.001  # m, least travel between poses of the contour
 SETTLING_LENGTH = 0.01  # m after first contact that the error statistics exclude
 
 
@@ -57,7 +58,7 @@ class TrackStatistics:
             return
         self._last_stamp = stamp_ns
         self.force_max = max(self.force_max, error.force)
-        if self.length >= self._contour_length + 0.001:
+        if self.length >= self._contour_length + CONTOUR_SPACING:
             on_edge = pose.copy()
             on_edge[:3, 3] += pose[:3, 0] * error.lateral
             self.contour.append((stamp_ns, on_edge))

@@ -7,6 +7,9 @@ import numpy as np
 from tactile_servo.control.press_check import most_unfelt
 from tactile_servo.reasons import Reason, ReasonCode
 
+REST_WEIGHT = 0.02  # weight of the newest force in the running mean at rest
+DISAGREEING = 0.1  # s for which pad and wrist may differ: they are filtered differently
+
 
 class Wrist:
     """
@@ -27,7 +30,7 @@ class Wrist:
         if not self.heard:
             self._rest = force.copy()
         elif at_rest:
-            self._rest += 0.02 * (force - self._rest)
+            self._rest += REST_WEIGHT * (force - self._rest)
         self._arrival, self.force = arrival, float(np.linalg.norm(force - self._rest))
 
     def judge(self, load: float, now: float) -> None:
@@ -47,7 +50,7 @@ class Wrist:
 
     def problem(self, load: float, now: float) -> Reason | None:
         """Return why the pad cannot be trusted, or None."""
-        if now - self._agreed <= 0.1:  # pad and wrist are filtered differently
+        if now - self._agreed <= DISAGREEING:
             return None
         return Reason(ReasonCode.SENSOR_DISAGREES,
                       f'{load:.1f} N on the pad, {self.force:.1f} N at the wrist')

@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 
+LATE_SHARE = 0.2  # share of a wanted change of the rate; a cycle that allows less is late
+
 
 @dataclass(frozen=True)
 class AttitudeGains:
@@ -22,7 +24,7 @@ class AttitudeController:
     Attributes
     ----------
     late : bool
-        Whether a cycle allows less than a fifth of the wanted change of the rate.
+        Whether a cycle allows less than `LATE_SHARE` of the wanted change of the rate.
     """
 
     def __init__(self, gains: AttitudeGains):
@@ -44,7 +46,7 @@ class AttitudeController:
         """
         step = self._step(error, ahead)
         share = min(self.gains.acceleration, acceleration) * dt / max(_size(step), 1e-12)
-        self.late = share < 0.2  # of the wanted change
+        self.late = share < LATE_SHARE
         self._rate = self._rate + step * min(1.0, share)
         return self._rate
 

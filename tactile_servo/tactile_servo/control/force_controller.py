@@ -5,13 +5,14 @@ import math
 
 from tactile_servo.control.scaling import clipped
 
+UNSEEN = 0.5  # largest increase of the force that no image has shown, as a share of it
 INTEGRATED = 0.2  # largest force error that is integrated, relative: larger ones would overshoot
 REACTION = 0.01  # s until the pad has slowed down
 
 
 def unseen_way(force: float, stiffness: float) -> float:
-    """Return the distance [m] to press before an image shows it: half of a force [N] more."""
-    return 0.5 * force / stiffness
+    """Return the distance [m] to press before an image shows it: `UNSEEN` of a force [N] more."""
+    return UNSEEN * force / stiffness
 
 
 def touch_speed(force: float, stiffness: float, age: float) -> float:

@@ -4,6 +4,9 @@ from collections.abc import Sequence
 import math
 
 MISS = 0.005  # m, distance within which a pad passes the start of its path
+LEFT = 10.0  # times MISS: a pad at this distance has left its start
+PASSED = 3.0  # times MISS: a pad that goes on so far after a return has passed its start
+SAME_HEADING = 0.5  # least cosine between the headings at the start and at a return to it
 LAPS = 1.5  # largest number of laps, by the rotation of the path
 
 Vector = Sequence[float]
@@ -33,13 +36,13 @@ class LapGuard:
         self._heading = heading
         begin, way = self._start
         distance = math.dist(place, begin)
-        self._left = self._left or distance > 10.0 * MISS
-        if self._left and distance < MISS and _dot(way, heading) > 0.5:
+        self._left = self._left or distance > LEFT * MISS
+        if self._left and distance < MISS and _dot(way, heading) > SAME_HEADING:
             self._passed = min(self._passed, length)
 
     def problem(self, length: float) -> str:
         """Return why the contour will not close after a length [m]; empty if it still may."""
-        if length - self._passed > 3.0 * MISS:
+        if length - self._passed > PASSED * MISS:
             return 'the pad has passed its start'
         if abs(self.turned) > 2.0 * math.pi * LAPS:
             return f'{LAPS:g} laps'

@@ -2,6 +2,8 @@
 
 import math
 
+RETURN_SPEED = 0.1  # m/s, largest speed back to the path
+
 
 class PathController:
     """Control of the velocity in the plane; returns to the path at a rate `gain` [1/s]."""
@@ -28,8 +30,8 @@ class PathController:
         """
         (ux, uy), (x, y) = along, aside
         distance = math.hypot(x, y)
-        # At most 0.1 m/s, and slow enough to stop at the path.
-        back = min(self.gain * distance, math.sqrt(acceleration * distance), 0.1) / max(
+        # Slow enough to stop at the path.
+        back = min(self.gain * distance, math.sqrt(acceleration * distance), RETURN_SPEED) / max(
             distance, 1e-9)
         return self.change(ux + back * x, uy + back * y, acceleration * dt)
 

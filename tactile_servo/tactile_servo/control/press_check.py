@@ -4,15 +4,21 @@ from collections import deque
 
 import numpy as np
 
+# Largest allowed unfelt force: a share of the wanted force, and a constant part [N]
+UNFELT_SHARE, UNFELT = 0.3, 1.5
+DOUBTED = 0.5  # share of the largest allowed unfelt force above which no goal succeeds
+# Allowed growth of the depth per distance along the edge [m/m], for an error of the normal
+SLOPE_ERROR = 0.002
+
 
 def most_unfelt(force: float) -> float:
     """Return the largest allowed unfelt force [N] when a force [N] is wanted."""
-    return 0.3 * force + 1.5
+    return UNFELT_SHARE * force + UNFELT
 
 
 def doubted(unfelt: float, force: float) -> bool:
     """Return whether an `unfelt` force [N] prevents the success of a goal of a force [N]."""
-    return unfelt > 0.5 * most_unfelt(force)
+    return unfelt > DOUBTED * most_unfelt(force)
 
 
 class PressCheck:
@@ -56,8 +62,8 @@ class PressCheck:
         if self._seen:
             way = place - self._place
             deeper = 0.5 * float((normal + self._normal) @ way) - (indentation - self._indentation)
-            # With an error of the normal, the depth seems to grow along the edge: allow 2 mm/m.
-            deeper -= 0.002 * float(np.linalg.norm(way))
+            # With an error of the normal, the depth seems to grow along the edge.
+            deeper -= SLOPE_ERROR * float(np.linalg.norm(way))
             self.unexplained = max(self.unexplained + deeper, 0.0)
         self._seen = self._seen or met
         self._place, self._normal, self._indentation = place, normal, indentation

@@ -8,6 +8,10 @@ import numpy as np
 from tactile_servo.control.force_controller import ForceGains
 
 PRESSED = 0.6  # share of the goal's force to press with: it is enough to see the whole edge
+SURPLUS = 0.1  # share of the goal's force to aim at in addition, or PRESSED is barely reached
+RELEASED = 0.4  # share of the test's force that is released again
+TOUCHING = 0.2  # share of the test's force; with less the pad may have lost contact
+SURE = 3.0  # standard deviations of the measured slope that the decision allows for
 LASTING = 0.4  # s, duration of release and return
 UNLIKE = 3.0  # factor between measured and predicted change of the force above which it fails
 
@@ -29,7 +33,7 @@ class PressTest:
 
     def __init__(self, force: float, load: float, depth: Callable[[float], float]):
         self._depth, self._least = depth, max(PRESSED * force, load)
-        self._aim = self._least + 0.1 * force  # without this it would barely reach the least force
+        self._aim = self._least + SURPLUS * force
         self.deepest = UNLIKE * (depth(self._least) - depth(load))
         self.pressed, self._release, self._lasted = False, 0.0, 0.0
         self._way: dict[int, tuple[float, float]] = {}  # advance and load, by stamp
@@ -43,7 +47,7 @@ class PressTest:
         """Process a load [N], its stamp [ns], and the advance of the pad at the stamp [m]."""
         if not self.pressed and load >= self._least:
             self.pressed = True
-            self._release = self._depth(self._least) - self._depth(0.6 * self._least)
+            self._release = self._depth(self._least) - self._depth((1.0 - RELEASED) * self._least)
         if self.pressed:
             self._way[stamp_ns] = advance, load
 
@@ -63,7 +67,7 @@ class PressTest:
         """Return what contradicts the stiffness, '' if nothing does."""
         # Depths are computed only now: pressing may have brought more of the edge under the pad.
         way = np.array([(advance, self._depth(load)) for advance, load in self._way.values()
-                        if load > 0.2 * self._least])  # with less it may have lost contact
+                        if load > TOUCHING * self._least])
         if len(way) < 4:
             return 'it was not felt long enough'
         actual, told = (way - way.mean(axis=0)).T
@@ -72,7 +76,7 @@ class PressTest:
             return 'the pad was not seen to be released'
         slope = float(actual @ told) / square
         left = told - slope * actual
-        doubt = 3.0 * math.sqrt(float(left @ left) / (len(way) - 2) / square)
+        doubt = SURE * math.sqrt(float(left @ left) / (len(way) - 2) / square)
         if slope + doubt < 1.0 / UNLIKE or slope - doubt > UNLIKE:
             return f'the force changes by {slope:.2g} of what the stiffness says'
         return ''

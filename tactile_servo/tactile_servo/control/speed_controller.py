@@ -2,6 +2,11 @@
 
 from tactile_servo.control.scaling import ramp
 
+# Measured force over wanted force: a pad stands still below LIFTED and above CROWDED, and keeps
+# its speed between LIGHTEST and HEAVIEST.
+LIFTED, LIGHTEST = 0.3, 0.7
+HEAVIEST, CROWDED = 1.1, 1.3
+
 
 def caution(pressed: float, astray: float) -> float:
     """
@@ -10,12 +15,12 @@ def caution(pressed: float, astray: float) -> float:
     Parameters
     ----------
     pressed : float
-        Measured force over wanted force. The pad keeps its speed between 0.7 and 1.1, and stops
-        below 0.3 and above 1.3.
+        Measured force over wanted force. The pad keeps its speed between `LIGHTEST` and
+        `HEAVIEST`, and stops below `LIFTED` and above `CROWDED`.
     astray : float
         Deviation from the path: the pad keeps its speed at 0, and stops from 1 on.
     """
-    return (ramp(pressed, 0.3, 0.7) * ramp(pressed, 1.3, 1.1)
+    return (ramp(pressed, LIFTED, LIGHTEST) * ramp(pressed, CROWDED, HEAVIEST)
             * ramp(astray, 1.0, 0.0))
 
 

@@ -5,6 +5,11 @@ _ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])  # 
 DEPTH, NORMAL, BEND = 0, slice(1, 4), slice(4, 10)  # of the state
 IDENTITY = np.eye(10)
 INEXACT = 0.1  # relative error of a depth from the force
+DEPTH_NOISE = 4e-6  # m, error of a depth from one image, including the robot's position
+CURVATURE_CHANGE = 10.0  # 1/m, standard deviation of the change of a curvature over 1 m
+PRIOR_CURVATURE = 25.0  # 1/m, standard deviation before the first contact: radius 40 mm
+MISTRUST = 0.5  # share of the motion along the normal by which the predicted depth may be wrong
+SURPRISE = 40.0  # chi-square of an image's four numbers above which it shows another surface
 
 
 class SurfaceFilter:
@@ -19,8 +24,7 @@ class SurfaceFilter:
     on the pad does; across it, that position determines the normal.
     """
 
-    def __init__(self, depth_noise: float = 4e-6):
-        # Standard deviation of the depth from one image, including the robot's position [m].
+    def __init__(self, depth_noise: float = DEPTH_NOISE):
         self._depth_noise = depth_noise
         self.begun = False
         self.centre = np.zeros(3)  # position of the centre to which the state belongs [m]
@@ -37,7 +41,7 @@ class SurfaceFilter:
         self.begun, self.centre = True, centre
         self._state = np.concatenate([[depth], normal, np.zeros(6)])
         self._covariance = np.diag([self._depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3
-                                   + [25.0**2] * 6)  # 1/m: spheres of radius 40 mm
+                                   + [PRIOR_CURVATURE**2] * 6)
         self._unpack()
 
     def update(self, depth: float, normal: np.ndarray, centre: np.ndarray, noise: float) -> None:
@@ -50,16 +54,15 @@ class SurfaceFilter:
         transition[DEPTH, BEND] = 0.5 * step @ along
         state = transition @ self._state
         covariance = transition @ self._covariance @ transition.T
-        change = 10.0**2 * way  # variance of a curvature that changes by 10 1/m in a metre
-        # The depth may change by half of the motion along the normal more or less than predicted.
-        spread = np.repeat([(0.5 * (self.normal @ step))**2, 0.3 * change * way**2, change],
+        change = CURVATURE_CHANGE**2 * way  # variance of a curvature
+        spread = np.repeat([(MISTRUST * (self.normal @ step))**2, 0.3 * change * way**2, change],
                            [1, 3, 6])
         covariance[range(10), range(10)] += spread
         felt = np.concatenate([[depth], normal])
         errors = np.array([self._depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3)
         innovation, expected = felt - state[:4], covariance[:4, :4] + np.diag(errors)
         surprise = float(innovation @ np.linalg.solve(expected, innovation))
-        if surprise > 40.0:  # chi-square of four numbers: an edge, or another surface
+        if surprise > SURPRISE:  # an edge, or another surface
             self.reset(depth, normal, centre, noise)
             return
         gain = np.linalg.solve(expected, covariance[:4]).T

@@ -7,6 +7,9 @@ import numpy as np
 from tactile_common.polyline import arc_length, nearest_on_polyline, resample
 
 SPACING = 2.5e-4  # m between the points of a planned path
+SEARCHED = 5e-3  # m ahead of its last station, within which the probe is searched on its path
+LEAD = 5e-4  # m, least distance ahead of the probe of the point that it moves towards
+ARRIVED = 2e-4  # m before the end of a path at which it is complete
 STEEP = 0.2  # smallest cosine between the normal and the first normal, or the plane of a Line
 
 
@@ -73,18 +76,18 @@ class PlanarPath:
         if facing < STEEP:
             return None
         x, y, _ = self._frame @ (point - self._start)
-        # Only up to 5 mm ahead, never back: outside a corner both legs are equally near.
+        # Only ahead, never back: outside a corner both legs are equally near.
         at = nearest_on_polyline(self._plan[:, 0], self._plan[:, 1], self._stations, x, y,
-                                 self._station, self._station + 5e-3)
+                                 self._station, self._station + SEARCHED)
         self._station = max(at.station, self._station)
-        aim = self._station + 5e-4 + speed / max(gain, 1e-3)
+        aim = self._station + LEAD + speed / max(gain, 1e-3)
         u, v = (float(np.interp(aim, self._stations, axis)) for axis in self._plan.T)
         u, v = u - x, v - y
         flat = u * ahead + v * aside
         way = flat - inward * ((flat @ normal) / facing)  # as seen along the first normal
         left = self._stations[-1] - self._station
         return Step(_unit(way), float(np.interp(self._station, self._stations, self._tops)),
-                    0.0 if left < 2e-4 else left)
+                    0.0 if left < ARRIVED else left)
 
 
 def raster(size_x: float, size_y: float, step_over: float) -> np.ndarray:

@@ -6,6 +6,9 @@ from tactile_common.kernels import njit
 from tactile_servo.edge_map.records import Records
 
 FAINT, PLAIN = 0.02, 0.06  # shares of the ridge's pressure, for a leg 2 and 1.25 depths away
+LEAST_RUN = 4  # least number of loaded tactels along the border that show a leg
+RIDGE_ZONE = 2.5  # depths from the ridge's line, within which border tactels see the ridge itself
+SIGNIFICANT = 2.0  # standard deviations of the noise that a loaded border tactel exceeds
 
 
 @njit(cache=True)
@@ -23,9 +26,9 @@ def coming_length(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, points: np
     """
     if not len(points):
         return 0.0
-    clear = 2.5 * depth  # border tactels within this distance of the ridge's line see the ridge
+    clear = RIDGE_ZONE * depth
     count, share = _longest_run(pressure, x, y, points, clear, noise)
-    if count < 4:
+    if count < LEAST_RUN:
         return 0.0
     near = min(max((share - FAINT) / (PLAIN - FAINT), 0.0), 1.0)
     # Tactels near the ridge were excluded: assume that the leg extends to the ridge.
@@ -38,7 +41,7 @@ def _longest_run(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, points: Rec
     """Find the longest loaded run of border tactels off the ridge: count, relative pressure."""
     rows, columns = pressure.shape
     ridge = np.median(points.pressure)
-    level = max(FAINT * ridge, 2.0 * noise)
+    level = max(FAINT * ridge, SIGNIFICANT * noise)
     around = 2 * (rows + columns) - 4
     best, best_sum, run, total = 0, 0.0, 0, 0.0
     for step in range(2 * around):  # twice around: a run may cross the starting point

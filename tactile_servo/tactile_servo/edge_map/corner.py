@@ -12,6 +12,21 @@ from tactile_servo.edge_map.records import nodes_of
 
 LEAST_TURN = math.radians(18.0)
 MEMORY = 40.0  # number of images in the average
+MODEL_ERROR = 0.02  # relative error of a modelled pressure
+WORST_FIT = 4.0  # largest chi-square per tactel
+
+# In skin depths:
+SHARP = 0.175  # radius below which a corner counts as sharp
+BLURRED = 2.0  # distance beyond the fillet in which the skin blurs the legs
+VIEWED = 1.5  # length of each leg beyond the fillet that the pad must cover
+FIRST_RADIUS = 0.5  # radius of a guess
+WORST_PLACE = 0.2  # largest standard deviation of the vertex
+LONGEST_SHIFT = 2.0  # largest distance of a fitted vertex from the guess
+# A rounder corner, or one with more curved legs, is followed as a curve.
+LONGEST_SETBACK = 3.1  # largest distance from the vertex to the fillet
+MOST_BENT = 0.06  # largest curvature of a leg, per depth
+# Information known before any image: of the radius [1/depth^2] and of a leg's curvature [depth^2]
+RADIUS_INFORMATION, BEND_INFORMATION = 0.4, 1e3
 
 
 class Corner:
@@ -54,7 +69,7 @@ class Corner:
     @property
     def reach(self) -> float:
         """Distance from the vertex within which the corner replaces the traced edge [m]."""
-        return self.shape.setback + 2.0 * self.depth  # beyond it, blur is negligible
+        return self.shape.setback + BLURRED * self.depth
 
     @property
     def zone(self) -> tuple[float, float, float, float]:
@@ -64,7 +79,7 @@ class Corner:
     def nodes(self) -> np.ndarray:
         """Return the path through the corner: NODE (M,), all at height 0."""
         points, vertex = corner_fit.corner_points(self.shape, self.depth), self.shape.vertex
-        if self.shape.radius < 0.175 * self.depth:  # sharp: one vertex instead of the fillet
+        if self.shape.radius < SHARP * self.depth:  # sharp: one vertex instead of the fillet
             points = np.vstack([points[:corner_fit.CHORDS], vertex, points[-corner_fit.CHORDS:]])
         legs = np.linalg.norm(points - vertex, axis=1)
         points = points[legs < self.reach + 1e-9]
@@ -74,8 +89,8 @@ class Corner:
 
 
 def shown(picture: Picture, shape: CornerShape) -> bool:
-    """Return True if the corner is on the pad, with legs of 1.5 depths beyond the fillet."""
-    reach = shape.setback + 1.5 * picture.depth
+    """Return True if the corner is on the pad, with legs long enough beyond the fillet."""
+    reach = shape.setback + VIEWED * picture.depth
     return (picture.covers(shape.x - reach * math.cos(shape.first),
                            shape.y - reach * math.sin(shape.first))
             and picture.covers(shape.x + reach * math.cos(shape.second),
@@ -93,16 +108,18 @@ def fit(picture: Picture, shape: CornerShape) -> tuple[CornerShape, np.ndarray] 
     array, depth, yaw = picture.array, picture.depth, picture.yaw
     start = shape.moved(-picture.place, 0.0).moved(np.zeros(2), -yaw)
     found, information, chi_square, load = corner_fit.fit_corner(
-        picture.pressure, array.x, array.y, half_spaces(picture.skin), picture.noise, 0.02, start)
-    if not (np.isfinite(found).all() and load > 0.0 and chi_square < 4.0):
+        picture.pressure, array.x, array.y, half_spaces(picture.skin), picture.noise, MODEL_ERROR,
+        start)
+    if not (np.isfinite(found).all() and load > 0.0 and chi_square < WORST_FIT):
         return None
     # Add priors of radius and curvatures.
-    information += np.diag([0.0, 0.0, 0.0, 0.0, 0.4 / depth**2, 1e3 * depth**2, 1e3 * depth**2])
-    # A rounder corner, or one with more curved legs, is followed as a curve.
-    if (corner_fit.vertex_spread(information) > 0.2 * depth or abs(found.turn) < LEAST_TURN
-            or max(abs(found.first_bend), abs(found.second_bend)) > 0.06 / depth
-            or found.setback > 3.1 * depth
-            or np.hypot(*(found.vertex - start.vertex)) > 2.0 * depth):
+    information += np.diag([0.0, 0.0, 0.0, 0.0, RADIUS_INFORMATION / depth**2,
+                            BEND_INFORMATION * depth**2, BEND_INFORMATION * depth**2])
+    if (corner_fit.vertex_spread(information) > WORST_PLACE * depth
+            or abs(found.turn) < LEAST_TURN
+            or max(abs(found.first_bend), abs(found.second_bend)) > MOST_BENT / depth
+            or found.setback > LONGEST_SETBACK * depth
+            or np.hypot(*(found.vertex - start.vertex)) > LONGEST_SHIFT * depth):
         return None
     return found.moved(picture.place, yaw), corner_fit.turned(information, yaw)
 
@@ -123,4 +140,4 @@ def guess(first: np.ndarray, first_way: np.ndarray, second: np.ndarray, second_w
     if along < 0.0 or back > 0.0:
         return None
     x, y = first + along * first_way
-    return CornerShape(x, y, math.atan2(ay, ax), math.atan2(by, bx), 0.5 * depth)
+    return CornerShape(x, y, math.atan2(ay, ax), math.atan2(by, bx), FIRST_RADIUS * depth)

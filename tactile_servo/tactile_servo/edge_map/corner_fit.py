@@ -11,8 +11,19 @@ from tactile_sensing.half_space.kernels import add_point, add_segment
 
 # In skin depths, the width to which the skin blurs a line:
 LEG = 7.5  # length of each leg that loads the tactels near the vertex
+FITTED = 4.0  # distance from the vertex within which tactels are used: farther, only legs show
 FARTHEST = 0.75  # largest step of an iteration
-STRAIGHT = 2.9  # turn above which the legs coincide [rad]
+LEAST_RADIUS = 0.05  # smallest radius in a fit: a sharp vertex has no derivative
+RADIUS_PRIOR = 1.5  # standard deviation of the radius before the fit
+BEND_PRIOR = 0.03  # standard deviation of a leg's curvature before the fit, per depth
+# Steps of the numerical derivatives: of the vertex, of the radius, and of a curvature, per depth
+PLACE_STEP, RADIUS_STEP, BEND_STEP = 0.01, 0.025, 0.001
+# In rad:
+ANGLE_STEP = 2e-3  # step of the numerical derivatives by a leg's direction
+WIDEST_CHANGE = 0.3  # largest change of a leg's direction in an iteration
+STRAIGHT = 2.9  # turn above which the legs coincide
+# Counts:
+LEAST_TACTELS = 20  # tactels near the vertex that a fit needs
 CHORDS = 5  # chords of a leg
 ARC_CHORDS = 6  # chords of a fillet; even, so that a node is at its middle
 ROUNDS = 4  # iterations
@@ -163,16 +174,15 @@ def fit_corner(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, skin: np.ndar
     """
     p, depth = np.array(start), skin[0].depth
     information, chi_square, load = np.zeros((SIZE, SIZE)), np.inf, 0.0
-    steps = np.array([0.01 * depth, 0.01 * depth, 2e-3, 2e-3, 0.025 * depth, 0.001 / depth,
-                      0.001 / depth])
+    steps = np.array([PLACE_STEP * depth, PLACE_STEP * depth, ANGLE_STEP, ANGLE_STEP,
+                      RADIUS_STEP * depth, BEND_STEP / depth, BEND_STEP / depth])
     prior = np.zeros(SIZE)  # information about radius and curvatures
-    prior[RADIUS] = (1.5 * depth)**-2
-    prior[RADIUS + 1:] = (0.03 / depth)**-2
-    # Use only tactels near the vertex: farther tactels show only the legs.
-    near = (x - start.x)**2 + (y.reshape(-1, 1) - start.y)**2 < (4.0 * depth)**2
+    prior[RADIUS] = (RADIUS_PRIOR * depth)**-2
+    prior[RADIUS + 1:] = (BEND_PRIOR / depth)**-2
+    near = (x - start.x)**2 + (y.reshape(-1, 1) - start.y)**2 < (FITTED * depth)**2
     weight = np.where(near, 1.0 / (noise**2 + (model_error * pressure)**2), 0.0)
     count = np.count_nonzero(weight)
-    if count < 20:
+    if count < LEAST_TACTELS:
         return CornerFit(start, information, chi_square, load)
     jacobian = np.empty((SIZE, len(y), len(x)))
     for step in range(ROUNDS + 1):
@@ -202,6 +212,6 @@ def fit_corner(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, skin: np.ndar
         ask = _shape(change)
         p += change / max(math.hypot(ask.x, ask.y) / (FARTHEST * depth),
                           abs(ask.radius) / (FARTHEST * depth),
-                          max(abs(ask.first), abs(ask.second)) / 0.3, 1.0)
-        p[RADIUS] = max(p[RADIUS], 0.05 * depth)  # a sharp vertex has no derivative
+                          max(abs(ask.first), abs(ask.second)) / WIDEST_CHANGE, 1.0)
+        p[RADIUS] = max(p[RADIUS], LEAST_RADIUS * depth)
     return CornerFit(_shape(p), information, chi_square, load)

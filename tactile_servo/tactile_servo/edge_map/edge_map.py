@@ -16,6 +16,11 @@ from tactile_servo.reasons import Reason, ReasonCode
 
 PICTURES = 10  # number of images whose points form the cloud
 SURE_PICTURES = 3  # images with the edge elsewhere, after which the object counts as slipped
+LEAST_POINTS = 3  # least number of points of a ridge in an image
+PATH_SHARE = 0.4  # share of an image's ridge points on the path, above which it shows the path
+OFF_PATH = 1.0  # grains from the path beyond which a ridge point is not on it
+SLIP_CHORD = 2.0  # grains on each side of the pad: this chord is the heading after a slip
+ROUGHLY_ALONG = 0.5  # least cosine between a heading and the ridge at which a path begins
 NO_RIDGE = Reason(ReasonCode.EDGE_LOST, 'no ridge in the picture')
 ELSEWHERE = Reason(ReasonCode.EDGE_LOST, 'the picture shows no ridge along the path')
 
@@ -84,7 +89,7 @@ class EdgeMap:
         new path begins in any case.
         """
         picture = self.picture
-        if len(picture.points) < 3:
+        if len(picture.points) < LEAST_POINTS:
             return Sight(NO_RIDGE)
         self._remember(picture.points)
         if anew or not self.followed:
@@ -92,9 +97,9 @@ class EdgeMap:
             return self._begin(heading / np.linalg.norm(heading), True)
         window = path_queries.WINDOW * self.scale.grain
         share, station = on_path(
-            self._cloud[-len(picture.points):], self._near, self.scale.grain,
+            self._cloud[-len(picture.points):], self._near, OFF_PATH * self.scale.grain,
             self.path.nodes, picture.x, picture.y, self.station - window, self.station + window)
-        if share > 0.4:  # enough of the image's points are on the path
+        if share > PATH_SHARE:
             self._off_path, self.station = 0, station
             self.path.refine(picture, station)
             self.path.extend(self._cloud, picture, self.station)
@@ -106,7 +111,7 @@ class EdgeMap:
         self._counts = []  # the object has slipped
         self._remember(picture.points)
         self.station = station
-        chord = 2.0 * self.scale.grain
+        chord = SLIP_CHORD * self.scale.grain
         return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
 
     def _begin(self, heading: np.ndarray, may_close: bool) -> Sight:
@@ -114,7 +119,7 @@ class EdgeMap:
         picture, cloud = self.picture, self._cloud
         may_close = may_close and (self.path is None or self.path.may_close)
         self._off_path, self.followed = 0, False
-        along = np.abs(cloud['way'] @ heading) > 0.5
+        along = np.abs(cloud['way'] @ heading) > ROUGHLY_ALONG
         if not along.any():
             return Sight(ELSEWHERE)
         place = cloud['place'][along]

@@ -11,7 +11,16 @@ from tactile_servo.edge_map.tracing import local_line, STEP
 
 TIP = 8  # number of nodes over which a ridge fades at its end
 FEWEST = 3  # least number of points of another leg
+FADED = 0.5  # pressure at the end of a line load, as a share of that along it
 GAP_REACH = 18.0 / 12.7  # longest gap that the pad spans from corner to corner, in half pads
+GAP_ASIDE, GAP_SPREAD = 0.4, 0.08  # largest deviation beyond a gap: grains, and share of the gap
+STRAIGHT_ON = 0.92  # least cosine between the directions of a ridge before and beyond a gap
+GUESSED = 0.8  # share of LEAST_TURN above which a turn is guessed to be a corner
+LEG_END = 10  # nodes before the end of a leg, where its direction is reliable
+OWN_NODES = 30  # nodes at the end of a leg that are compared with the points of another leg
+# In grains, see `PadScale`:
+BRANCH_REACH = 3.0  # distance from the end of a ridge within which another leg is searched
+OFF_LEG = 0.65  # distance from the path beyond which a point belongs to another leg
 
 
 def left_of(way: np.ndarray) -> np.ndarray:
@@ -43,8 +52,7 @@ def faded(leg: np.ndarray, height: float) -> int:
     if len(leg) < 3 * TIP:
         return 0
     indentation = height - leg['z'][-3 * TIP:]
-    # At the end of a line load, the pressure is half of its value along the line.
-    faint = indentation < 0.5 * np.median(indentation[:2 * TIP])
+    faint = indentation < FADED * np.median(indentation[:2 * TIP])
     return int(faint[::-1].argmin()) if not faint.all() else 0
 
 
@@ -58,7 +66,8 @@ def way_over_gap(cloud: np.ndarray, last: np.ndarray, scale: PadScale) -> np.nda
     relative = cloud['place'] - here
     ahead, aside = relative @ way, np.abs(relative @ left_of(way))
     on = ((ahead > 2.0 * step) & (ahead < GAP_REACH * scale.half)
-          & (aside < 0.4 * scale.grain + 0.08 * ahead) & (np.abs(cloud['way'] @ way) > 0.92))
+          & (aside < GAP_ASIDE * scale.grain + GAP_SPREAD * ahead)
+          & (np.abs(cloud['way'] @ way) > STRAIGHT_ON))
     if on.sum() < FEWEST:
         return None
     nearest = cloud['place'][on][ahead[on].argmin()]
@@ -74,7 +83,7 @@ def way_over_gap(cloud: np.ndarray, last: np.ndarray, scale: PadScale) -> np.nda
 
 def sharp_turn(leg: np.ndarray, depth: float) -> CornerShape | None:
     """Guess a corner at the sharpest turn of a leg; return None if it is a curve."""
-    first, last = sharpest_turn(leg, 0.8 * LEAST_TURN)
+    first, last = sharpest_turn(leg, GUESSED * LEAST_TURN)
     if first < 0:
         return None
     place, way = leg['place'], leg['way']
@@ -86,10 +95,10 @@ def acute_turn(cloud: np.ndarray, leg: np.ndarray, scale: PadScale) -> CornerSha
     if len(leg) < TIP:
         return None
     last = leg['place'][-1]
-    close = np.linalg.norm(cloud['place'] - last, axis=1) < 3.0 * scale.grain
+    close = np.linalg.norm(cloud['place'] - last, axis=1) < BRANCH_REACH * scale.grain
     cloud = cloud[close]
-    gaps = np.linalg.norm(cloud['place'][:, None] - leg['place'][None, -30:], axis=2)
-    others = cloud[gaps.min(axis=1) > 0.65 * scale.grain]  # beside the path
+    gaps = np.linalg.norm(cloud['place'][:, None] - leg['place'][None, -OWN_NODES:], axis=2)
+    others = cloud[gaps.min(axis=1) > OFF_LEG * scale.grain]
     if len(others) < FEWEST:
         return None
     centre, way = others['place'].mean(axis=0), others['way']
@@ -97,5 +106,5 @@ def acute_turn(cloud: np.ndarray, leg: np.ndarray, scale: PadScale) -> CornerSha
     way /= np.linalg.norm(way)
     if way @ (centre - last) < 0.0:
         way = -way
-    before = max(len(leg) - 10, 0)
+    before = max(len(leg) - LEG_END, 0)
     return guess(leg['place'][before], leg['way'][before], centre, way, scale.depth)

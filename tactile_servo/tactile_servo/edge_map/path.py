@@ -11,6 +11,10 @@ from tactile_servo.edge_map.tracing import STEP, trace
 
 NEAR_TURN, FAR_TURN = 4, 9  # nodes on each side over which a turn is measured
 SHARPNESS = 0.58  # least share of the far nodes' turn within the near nodes, for a corner
+VISIBLE_BEND = 0.6  # largest curvature that is visible through the skin, per depth
+BLUR = 0.6  # distance by which a ridge is inside of a curve, times its radius over depth^2
+MEETING = 0.8  # least cosine between the directions of a contour's end and start where it closes
+ZONE_BEHIND, ZONE_ASIDE = 1.0, 1.25  # grains from a vertex: a leg within both is in its zone
 # Vertex of a corner in the plane, reach before it [m], and direction of its first leg [rad].
 ZONE = np.dtype([(name, np.float64) for name in ('x', 'y', 'reach', 'way')])
 
@@ -38,7 +42,7 @@ def unblurred(leg: np.ndarray, blur: float, step: float, depth: float) -> np.nda
     moved = leg.copy()
     if count < 6:
         return moved
-    most = 0.6 / depth  # larger curvatures are not visible through the skin
+    most = VISIBLE_BEND / depth
     angles, span = headings(leg), min(5, (count - 1) // 2)
     for k in range(count):
         middle = min(max(k, span), count - 1 - span)
@@ -103,8 +107,7 @@ def with_leg(nodes: np.ndarray, cloud: np.ndarray, zones: np.ndarray, length: fl
             zone, cut = k, max(first - 1, 0)
     grown = np.empty(count + cut, NODE)
     grown[:count] = nodes
-    # A ridge is inside of a curve by 0.6 times the squared depth over the radius.
-    grown[count:] = unblurred(leg[:cut + 1], 0.6 * depth * depth, STEP * grain, depth)[1:]
+    grown[count:] = unblurred(leg[:cut + 1], BLUR * depth * depth, STEP * grain, depth)[1:]
     measure(grown, count)
     return grown, zone
 
@@ -116,7 +119,8 @@ def entry_node(leg: np.ndarray, zone: Record, grain: float) -> int:
     for k in range(len(leg)):
         dx, dy = leg[k].x - zone.x, leg[k].y - zone.y
         along = cos * dx + sin * dy
-        if -zone.reach < along < grain and abs(cos * dy - sin * dx) < 1.25 * grain:
+        if (-zone.reach < along < ZONE_BEHIND * grain
+                and abs(cos * dy - sin * dx) < ZONE_ASIDE * grain):
             return k
     return -1
 
@@ -139,7 +143,7 @@ def closing_node(nodes: Records, station: float, begin: float, reach: float) -> 
     if nearest > reach or best == len(nodes) - 1:
         return -1
     same_way = nodes[best].tx * start.tx + nodes[best].ty * start.ty
-    return best if same_way >= 0.8 else -1
+    return best if same_way >= MEETING else -1
 
 
 @njit(cache=True)

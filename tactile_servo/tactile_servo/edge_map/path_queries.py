@@ -14,9 +14,18 @@ from tactile_servo.edge_map.tracing import STEP
 Way = tuple[float, float]  # x, y
 
 CLEAR = 7  # nodes on each side of a turn whose pressure does not give their height
+BENT_ANGLE = 0.15  # rad, angle over four nodes above which they form such a turn
 STEEPEST = 0.5  # largest slope
+LEAST_NODES = 12  # least number of nodes that determine a slope
+VERTEX_ANGLE = 0.25  # rad, turn at one vertex above which it is a corner
 
-WINDOW = 7.5  # grains on each side in which the measured pad is searched
+# In grains, see `PadScale`:
+WINDOW = 7.5  # on each side, in which the measured pad is searched
+COMMANDED_WINDOW = 2.5  # on each side, in which the commanded pad is searched
+SHOWN_WINDOW = 5.0  # on each side, in which the pad of an image is searched
+TURN_REACH = 2.0  # on each side of the pad's centre: the pad is aligned with this chord
+SLOPE_REACH = 5.0  # on each side, over which the slope is measured
+SHORTEST_CHORD = 0.05  # least length that determines a direction
 
 
 @njit(cache=True)
@@ -55,7 +64,7 @@ def stand(nodes: Records, near: np.ndarray, plane: np.ndarray, pose: np.ndarray,
         y += plane[1, k] * pose[k, 3]
     at = nearest_on_polyline(
         nodes.x, nodes.y, nodes.station, x, y, here - WINDOW * grain, here + WINDOW * grain)
-    window, chord = 2.5 * grain, 2.0 * grain  # the pad is aligned with the chord
+    window, chord = COMMANDED_WINDOW * grain, TURN_REACH * grain
     ahead = nearest_on_polyline(
         nodes.x, nodes.y, nodes.station, there[0, 3], there[1, 3], ahead - window,
         ahead + window).station
@@ -74,14 +83,14 @@ def at_picture(nodes: Records, near: np.ndarray, pose: np.ndarray, half_x: float
     `pose` is in the plane. `sense` is +1 if the pad's y points along the path, otherwise -1. The
     pad is searched around `station` [m]. For the slope see `rise`, for other arguments `stand`.
     """
-    window = 5.0 * grain
+    window = SHOWN_WINDOW * grain
     at = nearest_on_polyline(nodes.x, nodes.y, nodes.station, pose[0, 3], pose[1, 3],
                              station - window, station + window)
     yaw = math.atan2(pose[0, 1], pose[1, 1])
     along = math.atan2(sense * at.along_x, sense * at.along_y)
     return (sense * at.left, wrap_angle(yaw - along),
             length_on_pad(near, pose, 0.0, 0.0, half_x, half_y),
-            rise(nodes, ahead, 5.0 * grain, STEP * grain, ends))
+            rise(nodes, ahead, SLOPE_REACH * grain, STEP * grain, ends))
 
 
 @njit(cache=True)
@@ -108,7 +117,7 @@ def direction(nodes: np.ndarray, first: float, last: float, grain: float) -> Way
     x0, y0, _ = place_at(nodes, first)
     x1, y1, _ = place_at(nodes, last)
     length = math.hypot(x1 - x0, y1 - y0)
-    if length < 0.05 * grain:
+    if length < SHORTEST_CHORD * grain:
         return nodes[len(nodes) - 1].tx, nodes[len(nodes) - 1].ty
     return (x1 - x0) / length, (y1 - y0) / length
 
@@ -130,7 +139,7 @@ def rise(nodes: Records, station: float, reach: float, step: float, ends: bool) 
     bent = np.empty(max(min(last + CLEAR, count) - begin, 0), np.bool_)
     for m in range(begin, begin + len(bent)):
         a, b = nodes[max(m - 2, 0)], nodes[min(m + 2, count - 1)]
-        bent[m - begin] = a.tx * b.tx + a.ty * b.ty < math.cos(0.15)
+        bent[m - begin] = a.tx * b.tx + a.ty * b.ty < math.cos(BENT_ANGLE)
     n = ss = sz = sss = ssz = 0.0
     for k in range(first, last):
         clear = True
@@ -143,7 +152,7 @@ def rise(nodes: Records, station: float, reach: float, step: float, ends: bool) 
             s, z = nodes[k].station - station, nodes[k].z
             n, ss, sz, sss, ssz = n + 1.0, ss + s, sz + z, sss + s * s, ssz + s * z
     spread = n * sss - ss * ss
-    if n < 12 or spread <= 0.0:
+    if n < LEAST_NODES or spread <= 0.0:
         return np.nan
     return min(max((n * ssz - ss * sz) / spread, -STEEPEST), STEEPEST)
 
@@ -178,7 +187,7 @@ def speed_profile(nodes: Records, here: float, top: float, acceleration: float, 
         if turn < 1e-3:
             continue
         radius = 0.5 * (math.hypot(ax, ay) + math.hypot(bx, by)) / turn
-        if turn > 0.25:  # rad at one vertex: a corner
+        if turn > VERTEX_ANGLE:
             radius = min(radius, cut / (1.0 / math.cos(0.5 * min(turn, 2.9)) - 1.0))
             ahead -= settle
         elif ahead < 0.0:

@@ -17,6 +17,14 @@ from tactile_servo.edge_map.tracing import into_plane
 from tactile_servo.reasons import Reason, ReasonCode
 
 IMPOSSIBLE = 1e9  # Pa
+MOST_INVALID = 0.5  # share of invalid tactels above which an image is refused
+LOADED = 0.3  # share of the highest pressure above which a tactel counts for the load's place
+COARSE = 1.25  # pitches, grain of tactels that are coarser than the skin
+UNKNOWN_NOISE = 1e-2  # share of the highest pressure, for a sensor that does not know its noise
+# A ridge shows how the pad is pressed if it is central, long and straight. In half pads: largest
+# distance of its centre, least standard deviation along it; in depths: largest misfit.
+CENTRAL, LONG, ROUGH = 0.3, 0.4, 0.2
+LEVEL = 1e-3  # weight of a prior for no slope across the edge, in squared half pads
 
 
 class PadScale(NamedTuple):
@@ -41,7 +49,7 @@ class PadScale(NamedTuple):
         """Return the scale of an array whose tactels lie at a depth [m]."""
         half_x, half_y = array.half_width_x, array.half_width_y
         return cls(depth, array.pitch_x, array.pitch_y, half_x, half_y, max(half_x, half_y),
-                   max(depth, 1.25 * max(array.pitch_x, array.pitch_y)))
+                   max(depth, COARSE * max(array.pitch_x, array.pitch_y)))
 
 
 @dataclass(eq=False)  # not frozen, for speed: one is constructed for every image
@@ -89,8 +97,8 @@ class Picture:
     @cached_property
     def pull(self) -> np.ndarray | None:
         """Unit vector (2,) in the plane from the pad's centre to the load; None if centred."""
-        # Only pressures above 0.3 of the highest one count.
-        way = self.pose[:2, :2] @ centre_of_load(self.pressure, self.array.x, self.array.y, 0.3)
+        way = self.pose[:2, :2] @ centre_of_load(
+            self.pressure, self.array.x, self.array.y, LOADED)
         size = np.hypot(*way)
         return way / size if size > 0.0 else None
 
@@ -114,7 +122,7 @@ def read_picture(image: TactileImage, pose: np.ndarray,
     picture = Picture(layer.stress, image.array, layer.depth, float(layer.noise_std), pose,
                       image.stamp_ns, skin_stiffness, layer.thickness, layer.poisson)
     # With more invalid tactels, the repaired image would be mostly invented.
-    if picture.invalid > 0.5 * picture.pressure.size:
+    if picture.invalid > MOST_INVALID * picture.pressure.size:
         return Reason(ReasonCode.BAD_IMAGE, 'picture with too many invalid tactels')
     return picture
 
@@ -149,14 +157,14 @@ def indentation_of(points: np.ndarray, pose: np.ndarray,
         rows[n, 1], rows[n, 2], depths[n], weights[n] = own[0], own[1], -own[2], points[n].weight
     total = weights.sum()
     # The slope across an edge is undetermined; this prior makes it 0.
-    level = 1e-3 * half**2
+    level = LEVEL * half**2
     normal = (rows.T * weights) @ rows + total * np.diag(np.array([1e-12, level, level]))
     depth, rise_x, rise_y = np.linalg.solve(normal, (rows.T * weights) @ depths)
     misfit = rows @ np.array([depth, rise_x, rise_y]) - depths
     _, x, y = (weights @ rows) / total
     spread = np.sum(weights * ((rows[:, 1] - x)**2 + (rows[:, 2] - y)**2)) / total
-    found = (math.hypot(x, y) < 0.3 * half and math.sqrt(spread) > 0.4 * half
-             and math.sqrt(weights @ misfit**2 / total) < 0.2 * depth)
+    found = (math.hypot(x, y) < CENTRAL * half and math.sqrt(spread) > LONG * half
+             and math.sqrt(weights @ misfit**2 / total) < ROUGH * depth)
     way = to_own.T @ np.array([rise_x, rise_y, 1.0])
     return found, depth, way / math.sqrt(way @ way)
 
@@ -173,7 +181,7 @@ def _look(pressure: np.ndarray, noise: float, x: np.ndarray, y: np.ndarray, dept
     """
     invalid, peak = _drop_impossible(pressure)
     if not 0.0 < noise < IMPOSSIBLE:
-        noise = 1e-2 * max(peak, 1.0)
+        noise = UNKNOWN_NOISE * max(peak, 1.0)
     mended = mend(pressure, noise)
     ridge = ridge_of(mended, x, y, noise, depth)
     coming = coming_length(mended, x, y, ridge, noise, depth)

@@ -17,13 +17,18 @@ from tactile_servo.edge_map.records import joined, retyped
 from tactile_servo.edge_map.tracing import STEP, trace
 
 DENIALS = 3  # successive images without a corner after which it is removed
+PAST_CORNER = 11.0  # depths ahead of the pad that are traced at least: through a corner
 SEEN_BORDER = 1.65  # depths from the pad's border within which a ridge seems to end
 
 # Distances in grains, the resolution, see `PadScale`:
 KEEP_BEHIND = 1.0  # behind the pad's centre, from where on the path is no longer changed
 CLOSING = 0.6  # from the start, within which a contour closes
+SAME_CORNER = 1.5  # between two vertices, within which they belong to the same corner
+CORNER_BEHIND = 2.0  # behind the pad, from where on a corner is no longer fitted
+UNSURE_START = 2.0  # from the start: a moving pad has not seen this part for long enough
 
 # Distances in half sizes of the pad:
+TRACED = 22.0 / 12.7  # ahead of the pad, that is traced: beyond a corner of the pad
 BEHIND = 30.0 / 12.7  # around the pad, within which the path is used for the load
 SHORTEST_CONTOUR = 50.0 / 12.7  # nearly two pads: smaller objects have no edge to follow
 
@@ -78,7 +83,7 @@ class TracedPath:
     @property
     def _ahead(self) -> float:
         """Traced distance [m]: beyond a corner of the pad, or through a corner of the edge."""
-        return max(22.0 / 12.7 * self.scale.half, 11.0 * self.scale.depth)
+        return max(TRACED * self.scale.half, PAST_CORNER * self.scale.depth)
 
     def extend(self, cloud: np.ndarray, picture: Picture, station: float) -> None:
         """Trace the path ahead of a station [m] again."""
@@ -183,7 +188,7 @@ class TracedPath:
         if self.end is PathEnd.RIDGE:
             guesses.append(ends.acute_turn(cloud, leg, self.scale))
         for shape in guesses:
-            if shape is None or any(self._apart(shape, other) < 1.5 * self.scale.grain
+            if shape is None or any(self._apart(shape, other) < SAME_CORNER * self.scale.grain
                                     for other in self.corners):
                 continue
             fitted = fit(picture, shape)
@@ -204,7 +209,7 @@ class TracedPath:
     def refine(self, picture: Picture, station: float) -> None:
         """Fit the corners in view to the newest image; remove those ahead without a fit."""
         for corner in list(self.corners):
-            if (corner.leave < station - 2.0 * self.scale.grain
+            if (corner.leave < station - CORNER_BEHIND * self.scale.grain
                     or not shown(picture, corner.shape)):
                 continue
             fitted = fit(picture, corner.shape)
@@ -222,7 +227,7 @@ class TracedPath:
         if not self.may_close or station - self.began < shortest:
             return
         # Before its beginning the path was seen from one place only, and not for long enough.
-        stations, unsure = self.nodes['station'], 2.0 * self.scale.grain
+        stations, unsure = self.nodes['station'], UNSURE_START * self.scale.grain
         begin = max(stations.item(0), self.began) + unsure
         k = closing_node(self.nodes, station, begin, CLOSING * self.scale.grain)
         if k < 0:

@@ -10,8 +10,12 @@ from tactile_servo.edge_map.records import CLOUD_POINT, LocalLine, NODE, Records
 
 # In grains, the resolution of an image, see `PadScale`:
 STEP = 0.25  # distance of the nodes of a trace
+WIDTH = 0.35  # standard deviation of the weights of points around a place
 REACH = 0.9  # radius within which points form a line
 AROUND = 1.0  # distance of a trace after which its nearby points are selected again
+
+SUPPORT = 0.3  # least sum of the weights of the points at a node
+SIDEWAYS = 0.5  # least cosine between the ridge at a point and the trace
 
 
 @njit(cache=True)
@@ -100,7 +104,7 @@ def local_line(cloud: np.ndarray, x: float, y: float, tx: float, ty: float,
 
     Only points with a ridge roughly along (tx, ty) count; the line's direction has that sense.
     """
-    width, reach = 0.35 * grain, REACH * grain
+    width, reach = WIDTH * grain, REACH * grain
     total = mx = my = mz = sx = sy = 0.0
     for n in range(len(cloud)):
         dx, dy = cloud[n].x - x, cloud[n].y - y
@@ -108,7 +112,7 @@ def local_line(cloud: np.ndarray, x: float, y: float, tx: float, ty: float,
         if squared > reach * reach:
             continue
         along = cloud[n].tx * tx + cloud[n].ty * ty
-        if abs(along) < 0.5:
+        if abs(along) < SIDEWAYS:
             continue
         weight = cloud[n].weight * math.exp(-0.5 * squared / (width * width)) * along * along
         sense = weight if along > 0.0 else -weight
@@ -119,7 +123,7 @@ def local_line(cloud: np.ndarray, x: float, y: float, tx: float, ty: float,
         sx += sense * cloud[n].tx
         sy += sense * cloud[n].ty
     norm = math.hypot(sx, sy)
-    if total < 0.3 or norm == 0.0:
+    if total < SUPPORT or norm == 0.0:
         return LocalLine(False, 0.0, 0.0, 0.0, 0.0, 0.0)
     return LocalLine(True, x + mx / total, y + my / total, mz / total, sx / norm, sy / norm)
 

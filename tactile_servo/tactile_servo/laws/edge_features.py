@@ -13,6 +13,8 @@ from tactile_servo.control.scaling import ramp
 # Relative difference of the second moment along the edge from that of an edge across the whole
 # pad, from which on the tilt is unknown
 UNEVEN = 0.15
+LEAST_ELONGATION = 3.0  # least ratio of the principal second moments of an edge
+MOST_YAW = 1.0  # rad, largest angle of an edge to the pad's y
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ def edge_features(contact: Contact, array: TactelArray,
     elif (contact.type == ContactType.OTHER and moments.m0 > 0.0
           and ContactReason.LOW_SNR not in contact.reasons):
         elongation = moments.elongation()
-        if not elongation >= 3.0:
+        if not elongation >= LEAST_ELONGATION:
             return None, f'contact is no edge, elongation {elongation:.1f}'
         line = line_from_moments(moments, half)
         features = EdgeFeatures(line.a * math.cos(line.yaw), line.yaw, moments.m0, remaining, tilt)
@@ -58,7 +60,7 @@ def edge_features(contact: Contact, array: TactelArray,
     if abs(features.lateral) > array.half_width_x or features.force < 0.0:
         return None, (f'estimate of {1e3 * features.lateral:.3g} mm, '
                       f'{features.force:.3g} N is impossible')
-    if abs(features.yaw) > 1.0:
+    if abs(features.yaw) > MOST_YAW:
         return None, f'it lies {math.degrees(features.yaw):.0f} degrees across the pad'
     return features, ''
 

@@ -9,6 +9,7 @@ import numpy as np
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.lap_guard import LapGuard
+from tactile_servo.control.press_test import PRESSED
 from tactile_servo.edge_map.path_queries import to_sensor
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal, Touch
@@ -28,6 +29,11 @@ from tactile_servo.laws.stall import Stall
 from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
+
+ADVANCE = 0.5  # grains, advance that counts as progress
+# Times `stale_image`, time without a usable image; longer than the supervisor's own timeout, which
+# handles missing images
+STALE = 1.5
 
 
 @dataclass
@@ -144,14 +150,13 @@ class EdgeFollowing:
         path, scale = edge.path, edge.scale
         if self._stalled(now, progress):
             return Assessment(State.DONE, Reason(ReasonCode.NO_PROGRESS), lift=True)
-        # Longer than the supervisor's own timeout, which handles missing images.
-        if now - self.sight.looked > 1.5 * self.servo.input.stale_image:
+        if now - self.sight.looked > STALE * self.servo.input.stale_image:
             return Assessment(State.HOLD, Reason(ReasonCode.STALE_IMAGE))
         if edge.closed and path.closing is not None and going.here >= path.closing:
             return Assessment(State.DONE, Reason(ReasonCode.CONTOUR_CLOSED), True)
         lacking, touching = self.lacks(now), load >= self.servo.approach.contact_force
         # A lightly pressed pad touches only the highest part, so the edge seems to end early.
-        going.pressed = going.pressed or self.sight.load.force >= 0.6 * self.goal.force
+        going.pressed = going.pressed or self.sight.load.force >= PRESSED * self.goal.force
         if path.end is PathEnd.RIDGE and going.ahead >= path.tip - END_MARGIN * scale.grain and (
                 going.pressed or lacking is not None):
             return self._at_end(progress, touching)
@@ -172,7 +177,7 @@ class EdgeFollowing:
         if not isinstance(self._mode, Following):  # the other modes have their own limits
             self._going.stall = Stall()
         return self._going.stall.see(
-            now, progress, 0.5 * self.sight.edge.scale.grain, self.goal.speed)
+            now, progress, ADVANCE * self.sight.edge.scale.grain, self.goal.speed)
 
     def _at_end(self, progress: float, touching: bool) -> Assessment:
         """Decide at the end of the ridge: coast over a gap, go down a step, or end."""

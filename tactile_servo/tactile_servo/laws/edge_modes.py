@@ -10,6 +10,11 @@ from tactile_servo.laws.edge_motion import EdgeMotion, SEARCH
 from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason, ReasonCode
 
+# Half sizes of the pad, a half diagonal: after this distance an edge has left the pad in any
+# direction
+PAD_LEFT = 1.42
+SEARCH_REACH = 1.18  # half sizes of the pad, longest way of a search towards the load
+PROBED_DEPTH = 0.9  # share of the allowed depth; the rest is reserved for the stop
 END_MARGIN = 1.5  # distance before the end of a ridge at which coasting begins [grains]
 STILL = np.zeros(3)
 
@@ -61,8 +66,8 @@ class Coasting:
     def over(self, scale: PadScale, unseen: float) -> bool:
         """Return True if the edge has left the pad; images lag behind by `unseen` [m]."""
         # Coasting began one margin before the end, and the end is uncertain by one margin. After
-        # another 1.42 halves (a half diagonal) the edge has left the pad in any direction.
-        return self._way - unseen >= 1.42 * scale.half + 2.0 * END_MARGIN * scale.grain
+        # another PAD_LEFT the edge has left the pad in any direction.
+        return self._way - unseen >= PAD_LEFT * scale.half + 2.0 * END_MARGIN * scale.grain
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
         """Return the motion of the next cycle."""
@@ -81,7 +86,7 @@ class Searching:
 
     def over(self, scale: PadScale) -> bool:
         """Return True if the search has gone too far."""
-        return self._way > 1.18 * scale.half
+        return self._way > SEARCH_REACH * scale.half
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
         """Return the motion of the next cycle."""
@@ -103,8 +108,8 @@ class ReachingDown:
 
     @property
     def over(self) -> bool:
-        """True if the allowed depth is reached; a tenth is reserved for the stop."""
-        return self._depth > 0.9 * self._deepest
+        """True if the allowed depth is reached, less the reserve for the stop."""
+        return self._depth > PROBED_DEPTH * self._deepest
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
         """Return the motion of the next cycle."""

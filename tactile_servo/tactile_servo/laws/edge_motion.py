@@ -33,7 +33,17 @@ SEARCH = 0.02  # in the search for a lost edge
 NORMAL = 0.05  # largest along the normal
 # Share of the acceleration in the plane that is planned; the rest is for corrections
 AGILE = 0.8
+CORNER_SETTLE = 3e-4  # m before and after a sharp corner that are passed at its speed, for the lag
+# Grains
+LOOK_AHEAD = 0.2  # length along the path over which its direction is measured
+ON_PATH, ASTRAY = 0.1, 0.6  # distance from the path: full speed up to it, standstill from it on
+# Force
 SHORTEST = 0.5  # least edge length that carries the force, as a share of the pad's half size
+COMING_SHARE = 0.35  # share of the coming edge's length for which the pad unloads in advance
+HASTE = 5.0  # factor of the force gain while the pad unloads for a coming edge
+INTEGRAL = 60.0  # integral gain of the force control [1/s^2]
+# Turn along the edge
+TURN_GAIN, TURN_RATE = 5.0, 1.5  # gain [1/s] and largest rate [rad/s]
 
 
 def missing_depth(force: float, load: Load, *, half: float, length: float, pressed: float,
@@ -59,7 +69,7 @@ def missing_depth(force: float, load: Load, *, half: float, length: float, press
     predicted = load.force / max(load.length, shortest) + skin_stiffness * pressed
     # Unload in advance for a part of the coming edge: the force is then too low before it arrives
     # by as much as it is too high afterwards.
-    wanted = force / (max(length, shortest) + 0.35 * load.coming)
+    wanted = force / (max(length, shortest) + COMING_SHARE * load.coming)
     return (wanted - max(predicted, 0.0)) / skin_stiffness
 
 
@@ -70,9 +80,9 @@ class EdgeMotion:
         self.config, self.goal, self.sight = config, goal, sight
         self._speed, self._path = SpeedController(), PathController(config.path.lateral_gain)
         self._force = ForceController(
-            ForceGains(config.force.gain, integral=60.0, press=NORMAL, lift=NORMAL))
+            ForceGains(config.force.gain, integral=INTEGRAL, press=NORMAL, lift=NORMAL))
         self._attitude = AttitudeController(AttitudeGains(
-            gain=5.0, max_rate=1.5, acceleration=config.attitude.acceleration))
+            gain=TURN_GAIN, max_rate=TURN_RATE, acceleration=config.attitude.acceleration))
 
     def retune(self, config: EdgeFollowingConfig) -> None:
         """Use new gains from now on."""
@@ -106,16 +116,15 @@ class EdgeMotion:
         # A second leg that reaches the pad adds its load suddenly: slow down before.
         share = min(load.coming / min(scale.half_x, scale.half_y), 1.0)
         top = goal.speed - max(goal.speed - ENTRY, 0.0) * share
-        # Full speed up to 0.1 grain from the path, standstill from 0.6 grain.
-        off = (math.hypot(*stand.aside) / scale.grain - 0.1) / 0.5
+        off = (math.hypot(*stand.aside) / scale.grain - ON_PATH) / (ASTRAY - ON_PATH)
         top *= caution(max(pressed, 1.0) if may_lift else pressed, off)
         top = min(top, AGILE * NORMAL / max(abs(self.sight.slope), 1e-9))  # on a slope
         most = min(self.config.speed.acceleration, agility.across())
         top = edge.speed_limit(stand.ahead, top, AGILE * most,
                                BLIND if edge.path.end is PathEnd.VIEW else top,
-                               self.config.path.corner_cut, settle=3e-4)  # allows for the lag
+                               self.config.path.corner_cut, settle=CORNER_SETTLE)
         speed = self._speed.change(top, AGILE * most * dt, math.inf)
-        x, y = edge.way(stand.ahead, stand.ahead + 0.2 * scale.grain + speed * dt)
+        x, y = edge.way(stand.ahead, stand.ahead + LOOK_AHEAD * scale.grain + speed * dt)
         return self._path.follow((speed * x, speed * y), stand.aside, most, dt)
 
     def touch_speed(self, left: float) -> float:
@@ -147,7 +156,7 @@ class EdgeMotion:
         give = self._force.speed(
             missing, off / c.stiffness if abs(off) < INTEGRATED * goal.force else None, dt,
             # Unloading for a coming leg must be quick; the motion since the image is known.
-            haste=5.0 if load.coming > 0.0 and missing < 0.0 else 1.0,
+            haste=HASTE if load.coming > 0.0 and missing < 0.0 else 1.0,
             # Do not press on contacts that are not the edge.
             may_press=may_press and sight.problem is None)
         return clipped(give + sight.slope * self.speed, -NORMAL, NORMAL)

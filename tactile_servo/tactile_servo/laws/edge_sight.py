@@ -14,6 +14,9 @@ from tactile_servo.law import Observation
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, TaskError
 
+# Largest difference of the force of a fitted line from the sum of the pressures, as a share
+FIT_DIFFERENCE = 0.1
+
 
 class Load(NamedTuple):
     """Load along an edge in one image."""
@@ -58,7 +61,7 @@ class EdgeSight:
         picture, load = self.edge.picture, self.load
         if (picture is not None and observation.stamp_ns == picture.stamp_ns
                 and contact.force_valid and contact.type == ContactType.LINE
-                and abs(contact.normal_force - load.force) < 0.1 * load.force):
+                and abs(contact.normal_force - load.force) < FIT_DIFFERENCE * load.force):
             self.load = load._replace(force=contact.normal_force)
 
     def see(self, observation: Observation, pose: np.ndarray, ahead: float,

@@ -25,8 +25,17 @@ from tactile_servo.types import EdgeGoal, State, TaskError
 # Largest gain, as a share of the stability limit for the measured age of the images; every T_seg
 # is at least the inverse of this gain.
 LIMIT_SHARE = 0.4
+DEAD_TIME, LAG = 2.5e-3, 10e-3  # s, of the robot that the stability limit assumes
 # Largest speeds: across the edge and along the normal [m/s], about the normal and about x [rad/s]
 ACROSS, PRESS, TURN, TILT = 0.1, 0.02, 2.0, 0.3
+TILT_TIME = 0.2  # T_seg of the rotation about x [s]; long, as the moment along the edge is noisy
+# Shares of half the array:
+ALIGNED = 0.5  # lateral distance of the edge up to which the pad keeps its speed
+END_BEHIND = 0.35  # distance by which the centre of pressure moves backwards where the edge ends
+MISSED = 0.1  # lateral distance of the edge at its end, above which the pad may have missed a turn
+# Shares of the wanted force:
+FIRM = 0.5  # force from which on the pad keeps its speed
+CHECKED = 0.9  # force above which force and depth are compared
 OVERFORCE = 1.5  # times the wanted force, above which the goal ends
 UNKNOWN = EdgeFeatures(math.nan, math.nan, math.nan, math.nan)
 
@@ -69,12 +78,12 @@ class ResolvedRateConfig:
 
 def alignment_scale(features: EdgeFeatures, half_width: float) -> float:
     """Return a speed factor, 0 to 1, that falls as the edge approaches the border of the pad."""
-    return ramp(abs(features.lateral) / half_width, 1.0, 0.5)
+    return ramp(abs(features.lateral) / half_width, 1.0, ALIGNED)
 
 
 def contact_scale(features: EdgeFeatures, force: float) -> float:
     """Return a speed factor, 0 to 1, that falls as the force becomes too small."""
-    return ramp(features.force / force, 0.0, 0.5)
+    return ramp(features.force / force, 0.0, FIRM)
 
 
 def edge_twist(features: EdgeFeatures, speed: float, force: float, config: ResolvedRateConfig,
@@ -106,8 +115,7 @@ def edge_twist(features: EdgeFeatures, speed: float, force: float, config: Resol
         rate(features.lateral, across.segment_time, ACROSS), speed,
         rate((force - features.force) / press.stiffness, press.segment_time, PRESS),
         # A larger load ahead means that the edge rises there: turn the pad's front away from it.
-        # This is slow, because the moment along the edge is noisy.
-        rate(-features.tilt, 0.2, TILT), 0.0,
+        rate(-features.tilt, TILT_TIME, TILT), 0.0,
         rate(features.yaw, across.segment_time, TURN)])
 
 
@@ -171,10 +179,9 @@ class ResolvedRate:
         # A contact is used until the next one: add half of this interval to its age, on average.
         age = observation.age + 0.5 * clipped(arrival - self._looked, 0.0, limits.stale_image)
         self._age += AGE_SHARE * (min(age, limits.max_stamp_age) - self._age)
-        # Add the committed time and half a control period, in which the velocity changes. The
-        # robot is assumed to have 2.5 ms of dead time and 10 ms of lag.
-        delay = self._age + self.servo.motion.committed + 0.5 / self.servo.rate + 2.5e-3
-        self.shortest = 1.0 / (LIMIT_SHARE * gain_limit(delay, 10e-3))
+        # Add the committed time and half a control period, in which the velocity changes.
+        delay = self._age + self.servo.motion.committed + 0.5 / self.servo.rate + DEAD_TIME
+        self.shortest = 1.0 / (LIMIT_SHARE * gain_limit(delay, LAG))
         self._looked = arrival
         if not self._begun:
             return
@@ -199,7 +206,7 @@ class ResolvedRate:
             length = 2.0 * self._array.half_width_y
             self._press.see(
                 pose[:3, 3], pose[:3, :3] @ up, contact.line_force * length / self.stiffness,
-                features.force > 0.9 * self.goal.force)
+                features.force > CHECKED * self.goal.force)
 
     @property
     def stiffness(self) -> float:
@@ -244,9 +251,9 @@ class ResolvedRate:
                 f'{goal.force:g} N asked for'), lift=True)
         ahead = goal.direction * self.features.remaining
         shortest = 2.0 * array.half_width_y
-        if ahead < -0.35 * array.half_width_y and progress > shortest:
+        if ahead < -END_BEHIND * array.half_width_y and progress > shortest:
             aside = abs(self.features.lateral)
-            if aside > 0.1 * array.half_width_x:  # the pad may have missed a turn of the edge
+            if aside > MISSED * array.half_width_x:
                 return Assessment(State.DONE, Reason(
                     ReasonCode.ENDED_BESIDE, f'{1e3 * aside:.1f} mm'))
             return ended(goal, progress, shortest)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 import math
 
 STALL_TIME = 5.0  # s without progress
+SLOW_PROGRESS = 0.5  # share of the wanted distance that is progress at any speed
 
 
 @dataclass
@@ -18,9 +19,9 @@ class Stall:
         """
         Process the progress [m]; return True if it grew by less than `advance` in `STALL_TIME`.
 
-        At a slow `speed` [m/s], half of the wanted distance is enough in place of `advance` [m].
+        At a slow `speed` [m/s], `SLOW_PROGRESS` of the wanted distance replaces `advance` [m].
         """
-        advance = min(advance, 0.5 * speed * STALL_TIME)
+        advance = min(advance, SLOW_PROGRESS * speed * STALL_TIME)
         if progress > self.reached + advance:
             self.reached, self.lasting = progress, 0.0
         elif self.seen is not None:

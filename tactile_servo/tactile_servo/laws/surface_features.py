@@ -27,6 +27,8 @@ from tactile_servo.tactile_jacobian.jacobian import (
 )
 from tactile_servo.tactile_jacobian.table import JacobianTable
 
+MOST_MISSING = 0.3  # largest share of missing tactels
+LEAST_CONTACT = 0.04  # least force of a contact, as a share of the wanted force
 BEYOND = 1.1  # largest distance of a valid contact from the centre, as a share of half the pad
 
 
@@ -84,7 +86,7 @@ class ContactSense:
         if isinstance(pressure, Reason):
             return pressure
         shown = features_of(pressure, self.array, self._kind)
-        if not shown[0] > 0.04 * self.force:
+        if not shown[0] > LEAST_CONTACT * self.force:
             return Reason(ReasonCode.CONTACT_LOST)
         told = self.tell(shown)
         if not (np.isfinite(told.error).all()
@@ -115,7 +117,7 @@ def pressure_of(image: TactileImage, array: TactelArray) -> np.ndarray | Reason:
     layer = next((one for one in image.layers if one.component == 'zz'), None)
     if layer is None or layer.unit != 'Pa' or layer.stress.shape != array.shape:
         return Reason(ReasonCode.BAD_IMAGE, 'no calibrated pressure of the known array')
-    pressure = filled(np.asarray(layer.stress, dtype=float), most=0.3)
+    pressure = filled(np.asarray(layer.stress, dtype=float), most=MOST_MISSING)
     return Reason(ReasonCode.BAD_IMAGE, 'too many tactels are missing') if (
         pressure is None) else pressure
 

@@ -30,6 +30,11 @@ from tactile_servo.tactile_jacobian.table import load_table
 from tactile_servo.types import State, TaskError
 
 MET = 0.05  # relative error of the force at which it counts as reached, and motion begins
+ADVANCE = 5e-4  # m, advance that counts as progress
+RETURN_RATE = 30.0  # rate at which the contact returns to its path [1/s]
+# Standard deviation of the contact's place on the pad: a part that includes friction [m], and a
+# share of its distance from the pad's centre
+PLACE_NOISE, PLACE_ERROR = 1e-4, 0.03
 OVERFORCE = 2.5  # times the wanted force, above which the goal ends once the force was reached
 
 
@@ -126,9 +131,7 @@ class SurfaceLaw:
         self.error = TaskError(float(off[0]), float(off[1]), force=felt.force)
         aside = math.hypot(*felt.place)
         share = min(self.goal.force / max(felt.force, 1e-6), 20.0)
-        # Standard deviation of the contact's place: one part includes friction, the other grows
-        # with the distance from the pad's centre.
-        angle = math.hypot(1e-4 * share, 0.03 * aside) / self._dome.array_radius
+        angle = math.hypot(PLACE_NOISE * share, PLACE_ERROR * aside) / self._dome.array_radius
         going.met = going.met or abs(felt.force - going.aim.force) < MET * going.aim.force
         take = self._surface.update if self._surface.begun else self._surface.reset
         take(self._sense.depth(felt.force), felt.normal, felt.centre, angle)
@@ -181,7 +184,7 @@ class SurfaceLaw:
             return Assessment(State.DONE, Reason(
                 ReasonCode.OVERFORCE, f'{load:.1f} N, beyond {OVERFORCE:g} times the '
                 f'{goal.force:g} N asked for'), lift=True)
-        if going.stall.see(now, progress, 5e-4, goal.speed):
+        if going.stall.see(now, progress, ADVANCE, goal.speed):
             return Assessment(State.DONE, Reason(
                 ReasonCode.NO_PROGRESS, self._motion.bound), lift=True)
         return Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
@@ -194,7 +197,7 @@ class SurfaceLaw:
         point = motion.centre_of(commanded) + self._dome.skin_radius * normal
         if going.path is None:
             going.path = plan_path(self.goal, point, normal, self.config.course.acceleration)
-        step = going.path.step(point, normal, 30.0, motion.speed)
+        step = going.path.step(point, normal, RETURN_RATE, motion.speed)
         if step is None:
             going.end = Assessment(State.DONE, Reason(
                 ReasonCode.NO_PROGRESS, 'the surface is too steep for the path'))

@@ -20,6 +20,14 @@ from tactile_servo.laws.surface_features import Felt, Told
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal, SurfaceResult
 from tactile_servo.reasons import Reason
 
+TOUCH_SPACING = 2.5e-4  # m, least distance between the recorded contacts
+LEAST_IMAGES = 20  # images of the whole print after which its mean area is accurate enough
+AREA_WEIGHT = 0.02  # weight of the newest area in the running mean
+LEAST_AREA = 1e-6  # m^2, least corrected area
+# m^2, by which the area from an image is smaller than that from the pressure on the skin; computed
+# by finite elements for the default probe
+BLURRED_AREA = 2.0e-6
+
 
 @dataclass
 class Going:
@@ -69,12 +77,12 @@ class Record:
         if not whole:
             return
         self.pressed += 1
-        self.area += max(0.02, 1.0 / self.pressed) * (felt.area - self.area)
-        if self.pressed < 20:  # the mean area is not accurate enough for the deflection
+        self.area += max(AREA_WEIGHT, 1.0 / self.pressed) * (felt.area - self.area)
+        if self.pressed < LEAST_IMAGES:
             return
         point = felt.centre + (self.probe.skin_radius - self._deflection(felt.force)) * normal
         self.newest = Touch(stamp_ns, point, normal.copy())
-        if not self.points or np.linalg.norm(point - self.points[-1]) >= 2.5e-4:
+        if not self.points or np.linalg.norm(point - self.points[-1]) >= TOUCH_SPACING:
             self.points.append(point)
             self.normals.append(self.newest.normal)
 
@@ -86,9 +94,7 @@ class Record:
         variances of its pressure are a^2 / 6 and b^2 / 6. The indentation is larger on surfaces
         of larger curvature.
         """
-        # The variance of an image is smaller than that of the pressure on the skin by 2 mm^2
-        # (default probe, finite elements).
-        area = max(self.area + 2.0e-6, 1e-6)
+        area = max(self.area + BLURRED_AREA, LEAST_AREA)
         return force / (3.0 * math.pi * self.probe.modulus * area)
 
     def result(self) -> SurfaceResult:

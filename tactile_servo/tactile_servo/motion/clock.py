@@ -2,10 +2,14 @@
 
 import math
 
+CLOCK_AHEAD = 4e-3  # s by which the robot's clock may be ahead
+CLOCK_BEHIND = 2.5e-3  # s by which it may be behind, including the way of a joint state
+WATCHED = 0.5  # s over which the least age is taken
+
 
 class ClockCheck:
     """
-    Compare the stamps of joint states with the servo's clock, by the least age in half a second.
+    Compare the stamps of joint states with the servo's clock, by the least age over `WATCHED`.
 
     The controller plays a window correctly if its clock is behind by up to its own period. If its
     clock is ahead by more than the committed time, it begins to leave the intended motion.
@@ -13,7 +17,7 @@ class ClockCheck:
 
     def __init__(self) -> None:
         self._since = -math.inf
-        # Ages [s]: of the last complete half second, and of the present one.
+        # Ages [s]: of the last complete time `WATCHED`, and of the present one.
         self._youngest, self._running = math.inf, math.inf
         self._oldest, self._running_oldest = -math.inf, -math.inf
         self._newest_ns: int | None = None
@@ -23,7 +27,7 @@ class ClockCheck:
         if stamp_ns == self._newest_ns:
             return
         self._newest_ns = stamp_ns
-        if now - self._since > 0.5:
+        if now - self._since > WATCHED:
             self._youngest, self._running, self._since = self._running, math.inf, now
             self._oldest, self._running_oldest = self._running_oldest, -math.inf
         self._running = min(self._running, age)
@@ -33,7 +37,7 @@ class ClockCheck:
     def agrees(self) -> bool:
         """True if the clocks agree within a joint state's transport time; False if unknown."""
         youngest = min(self._youngest, self._running)
-        return -4e-3 <= youngest <= 2.5e-3
+        return -CLOCK_AHEAD <= youngest <= CLOCK_BEHIND
 
     @property
     def lateness(self) -> float:

@@ -8,7 +8,10 @@ from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.motion.window import committed, Window
 
 SAME = 1e-6  # largest difference of two equal positions [rad]
+KEPT = 32  # number of stored windows
+DELAY_MARGIN = 4e-3  # added to a delay [s]: a period of the controller and one of its states
 LATEST = 0.03  # largest delay that windows are committed for [s]
+PROBE_TIME = 0.1  # time without a played window after which probing ends [s]
 PROBE = 5e-4  # joint velocity that causes no jolt, however late a window comes [rad/s]
 
 
@@ -39,7 +42,7 @@ class WindowDelay:
 
     def begin(self) -> None:
         """Begin a motion, from rest."""
-        self._sent: deque[Trajectory] = deque(maxlen=32)
+        self._sent: deque[Trajectory] = deque(maxlen=KEPT)
         self._rest: np.ndarray | None = None
         self._moved_ns: int | None = None
         self.overdue, self.probing = 0.0, self._heard and not self._proved
@@ -54,8 +57,8 @@ class WindowDelay:
             self._rest = window.positions[-1]
         elif self._moved_ns is None:
             self._moved_ns = window.stamp_ns
-        elif window.stamp_ns - self._moved_ns > 1e8:
-            self.probing = False  # after 0.1 s without a played window
+        elif window.stamp_ns - self._moved_ns > 1e9 * PROBE_TIME:
+            self.probing = False
 
     def unsend(self) -> None:
         """Remove the newest window, which was not sent after all."""
@@ -96,5 +99,4 @@ class WindowDelay:
     @property
     def needed(self) -> float:
         """Time that a window must leave to the previous one; 0 if no window was late [s]."""
-        # Add a period of the controller and a period of its state messages.
-        return min(self.longest + 4e-3, LATEST) if self.longest else 0.0
+        return min(self.longest + DELAY_MARGIN, LATEST) if self.longest else 0.0

@@ -36,6 +36,7 @@ ROTATION_LENGTH = 0.04  # m/rad, for a pad of about 25 mm and the finger that ca
 YIELDING = 0.1  # weight factor of a turn about the normal, for six joints with one at a limit
 EASED = 1e-4  # relative weight of squared errors along a motion that is slowed or delayed
 TAKE_OVER = 0.5  # relative to the damping: weight of the null space, free to replace a joint
+PUSH_ZONE = 0.15  # share of a joint's range at either end, which a redundant arm avoids
 PUSH = 4.0  # motion of a joint at its limit per (weighted) metre of the sensor [rad/m]
 PUSH_SPEED = 0.1  # largest such velocity, as a share of the joint's velocity limit
 
@@ -91,9 +92,9 @@ class BoundedInverse:
     def __init__(self, limits: JointLimits):
         self._limits = limits
         joints, span = len(limits.names), limits.upper - limits.lower
-        # Zones at both ends of a joint's range, which a redundant arm avoids. For a joint without
-        # limits the room is infinite, and divided by this small number it gives no push.
-        self._zone = np.where(np.isfinite(span), 0.15 * span, 1e-300)
+        # For a joint without limits the room is infinite, and divided by this small number it
+        # gives no push.
+        self._zone = np.where(np.isfinite(span), PUSH_ZONE * span, 1e-300)
         self._no_rows, self._sense = np.empty((0, joints)), np.zeros(joints, np.int32)
 
     def solve(self, jacobian: np.ndarray, twist: np.ndarray, joints: Joints,

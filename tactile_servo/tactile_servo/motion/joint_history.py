@@ -11,6 +11,8 @@ BEYOND_LIMITS = 0.5  # rad; a larger excess is a fault of the sensor or of the j
 # It is accepted if a second state confirms it, or after a silence.
 LEAP = 0.02  # rad
 SILENCE = 0.5  # s
+STORED = 256  # joint states for the interpolation at an image's stamp
+MAX_AHEAD_NS = 20_000_000  # ns by which an image may be newer than the newest joint state
 
 Stamped = tuple[int, list[float]]  # joint positions and their stamp [ns]
 
@@ -24,8 +26,8 @@ class JointHistory:
             (limits.lower - BEYOND_LIMITS).tolist(), (limits.upper + BEYOND_LIMITS).tolist(),
             strict=True))
         self._states: StateBuffer[np.ndarray] = StateBuffer(
-            lambda one, other, share: one + share * (other - one), size=256,
-            max_ahead_ns=20_000_000)  # an image may be newer than the newest joint state
+            lambda one, other, share: one + share * (other - one), size=STORED,
+            max_ahead_ns=MAX_AHEAD_NS)
         self._fastest = (2.0 * limits.velocity).tolist()
         self._last: Stamped | None = None
         self._doubted: Stamped | None = None

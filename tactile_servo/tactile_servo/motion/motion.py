@@ -39,6 +39,9 @@ STILL = 1e-12  # least joint rate in divisions, per unit of a path
 COAST = 8.0  # control periods for which a window continues before it brakes
 SETTLING = 0.1  # least time for the controller to reach the start of a motion [s]
 LONGEST_COMMITTED = 0.01  # largest committed time [s]; with more, fast turns are less accurate
+PLANNED = 0.8  # share of a joint's velocity limit that a path may use: corrections need the rest
+BOX_EXCESS = 5e-4  # distance by which braking in a curve may lead further out of the box [m]
+HELD_BACK = 0.05  # share of the wanted motion; with less realised, motion is prevented
 BLOCKED_AFTER = 1.0  # time of prevented motion after which it counts as blocked [s]
 
 
@@ -162,11 +165,10 @@ class Motion:
         bend, _ = damped_least_squares(
             jacobian, -self._robot.bias(joints, rates), damping=UNDAMPED)
         # At a speed v the joint velocities are rates v, the accelerations rates dv/dt + bend v^2.
-        # A fifth of the velocity limits is reserved for corrections.
         moving, bent = np.fmax(np.abs(rates), STILL), np.fmax(np.abs(bend), STILL)
         room = limits.reach(self._now.joints, self._period, (COAST + 1.0) * self._period)
         speeds = np.array([np.where(rates > 0.0, room.most[0], -room.least[0]) / moving,
-                           0.8 * limits.velocity / moving,
+                           PLANNED * limits.velocity / moving,
                            np.sqrt(bending * limits.acceleration / bent)])
         kind, joint = np.unravel_index(speeds.argmin(), speeds.shape)
         most = float(((limits.acceleration - bent * speed**2) / moving).min())
@@ -302,10 +304,10 @@ class Motion:
                         self._limits.acceleration)
 
     def _bends_out(self, window: Window, box: WorkspaceBox) -> bool:
-        """Return True if a window, which brakes in a curve, ends 0.5 mm further out of the box."""
+        """Return True if a window, which brakes in a curve, ends further out of the box."""
         here, there = (box.beyond(self._robot.pose(place)[:3, 3])
                        for place in window.positions[[0, -1]])
-        return bool((there > here + 5e-4).any())
+        return bool((there > here + BOX_EXCESS).any())
 
     def in_time(self, command: Trajectory, age: float) -> bool:
         """
@@ -324,7 +326,7 @@ class Motion:
         """Measure the time for which hardly any of a wanted twist (6,) was realised."""
         weighted = wanted * np.repeat([1.0, ROTATION_LENGTH**2], 3)
         square = weighted @ wanted
-        if square < 1e-12 or weighted @ brought > 0.05 * square:
+        if square < 1e-12 or weighted @ brought > HELD_BACK * square:
             self.reset_blocked()
             return
         self._held_back += self._period

@@ -11,6 +11,10 @@ from tactile_common.errors import ConfigurationError, UnreachableError
 from tactile_servo.motion.inverse import damped_least_squares, ROTATION_LENGTH
 from tactile_servo.motion.urdf import chain_to, limits_of, MOVING, parse, pinocchio_model, text_of
 
+# Inverse kinematics: largest residual [m, rad]; random starts, and steps from each start
+POSITION_TOLERANCE, ROTATION_TOLERANCE = 1e-8, 1e-7
+RESTARTS, ITERATIONS = 40, 100
+
 
 class RobotModel:
     """
@@ -161,7 +165,7 @@ class RobotModel:
                  q: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
         weight = np.repeat([1.0, ROTATION_LENGTH], 3)
         q = np.clip(q, self.lower, self.upper)
-        for _ in range(101):
+        for _ in range(ITERATIONS + 1):
             pose, jacobian = self.place(q)
             here = pinocchio.SE3(pose)
             twist = pinocchio.log6(here.actInv(target)).vector
@@ -183,7 +187,7 @@ class RobotModel:
         bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
         low = np.where(bounded, self.lower, centre - np.pi)
         high = np.where(bounded, self.upper, centre + np.pi)
-        for _ in range(40):
+        for _ in range(RESTARTS):
             yield rng.uniform(low, high)
 
     def _unwound(self, q: np.ndarray) -> np.ndarray:
@@ -199,7 +203,7 @@ class RobotModel:
 
 
 def _reached(residual: tuple[float, float]) -> bool:
-    return residual[0] <= 1e-8 and residual[1] <= 1e-7  # m, rad
+    return residual[0] <= POSITION_TOLERANCE and residual[1] <= ROTATION_TOLERANCE
 
 
 def _checked_pose(pose: np.ndarray) -> pinocchio.SE3:

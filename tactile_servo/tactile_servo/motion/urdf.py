@@ -10,6 +10,7 @@ from tactile_common.errors import ConfigurationError
 MOVING = ('revolute', 'prismatic', 'continuous')
 LIMITS = ('lower', 'upper', 'velocity')
 MAX_BYTES = 16 << 20  # largest size of a URDF
+WIDEST_RANGE = 16.0 * np.pi  # rad from limit to limit; wider limits are in degrees
 _UNBOUNDED = 1e6  # replaces an infinite limit [rad], because the parser needs a number
 
 
@@ -123,7 +124,7 @@ def limits_of(joint: ElementTree.Element) -> tuple[float, float, float]:
     for key in needed:
         values[key] = _number(joint, limit, key)
     lower, upper, velocity = values['lower'], values['upper'], values['velocity']
-    if joint.get('type') == 'revolute' and upper - lower > 16.0 * np.pi:
+    if joint.get('type') == 'revolute' and upper - lower > WIDEST_RANGE:
         raise _wrong(joint, f'limits {lower} to {upper} must be in rad')
     soft = joint.find('safety_controller')
     if soft is not None and not np.isinf(lower):

@@ -18,6 +18,7 @@ from tactile_servo.tactile_jacobian.jacobian import (
 )
 
 FORMAT = 1
+WORST_CONDITION = 50.0  # largest condition number of a Jacobian that is used
 _ARRAYS = ('contacts', 'features', 'forward', 'inverse', 'condition', 'scale')
 
 
@@ -66,7 +67,7 @@ class JacobianTable:
             raise ConfigurationError(f'table: scale is {self.scale}, must be above 0')
         self.usable = (np.isfinite(self.features).all(axis=1)
                        & np.isfinite(self.inverse).all(axis=(1, 2))
-                       & (self.condition <= 50.0))
+                       & (self.condition <= WORST_CONDITION))
         if not self.usable.any():
             raise ConfigurationError(f'table: none of its {count} entries is usable')
         from scipy.spatial import cKDTree  # needs 35 MB, and is used only here
