@@ -161,7 +161,8 @@ class ArrayReader:
             row = math.prod(self.shape[1:]) * self.dtype.itemsize
             _refuse_above(MAX_ROW, row, f'a row of {name}, {self.shape[1:]} {self.dtype},')
             if self._column_major:  # its rows are not contiguous
-                _refuse_above(MAX_WHOLE, self.size, f'{name}, which is column-major,')
+                _refuse_above(MAX_WHOLE, self.size, f'{name}, column-major '
+                              '(numpy.ascontiguousarray makes it row-major),')
 
     def read(self) -> np.ndarray:
         """Return the whole array, at most `MAX_WHOLE` bytes; raises a ConfigurationError."""

@@ -49,7 +49,7 @@ class Following:
             return Reason(ReasonCode.NOT_FOLLOWING, f'it is {1e3 * away:.1f} mm from its way')
         if stands:
             return Reason(ReasonCode.NOT_FOLLOWING,
-                          f'it stands, {1e3 * LATE:.0f} ms after it was sent on')
+                          f'it does not move {1e3 * LATE:.0f} ms after a command')
         return None
 
 

@@ -196,7 +196,7 @@ class GoalRun:
 
     def _unloaded(self) -> Reason | None:
         """Check whether the pad has lifted off, or cannot move."""
-        return self._machine.reason if self._motion.blocked or self._lifted() else None
+        return self.hold.cause if self._motion.blocked or self._lifted() else None
 
     def _binds(self) -> Reason | None:
         """Check whether the hold ends only when asked: by its cause, or as the robot was moved."""
@@ -274,8 +274,9 @@ class GoalRun:
 
     def _too_deep(self) -> Reason | None:
         unfelt = self._law.unfelt
-        return Reason(ReasonCode.TOO_DEEP, f'by {unfelt:.1f} N; it gives way, or the sensor tells '
-                      'too little') if unfelt > most_unfelt(self.goal.force) else None
+        return Reason(
+            ReasonCode.TOO_DEEP, f'by {unfelt:.1f} N; the object gives way, or the sensor '
+            'measures too little') if unfelt > most_unfelt(self.goal.force) else None
 
     def _presses_too_deep(self) -> Reason | None:
         deepest = self._config.force.press_depth
@@ -314,7 +315,7 @@ class GoalRun:
         beside, unfelt = self.statistics.beside, self._law.unfelt
         if beside > BESIDE:
             return f"but {100.0 * beside:.0f} % of the images saw it beside the pad's centre"
-        return f'but by its depth the pad presses {unfelt:.1f} N harder than images tell' if (
+        return f'but by its depth the pad presses {unfelt:.1f} N harder than the images show' if (
             doubted(unfelt, self.goal.force)) else ''
 
     def _lifted(self) -> Reason | None:
@@ -330,10 +331,11 @@ class GoalRun:
                 hold.blind = phase is Phase.SEARCH and not hold.of_law
                 hold.bound = gap > self._config.hold.resume_within
                 self._moving = max(self._moving, now)
-            elif phase is Phase.UNLOADING and reason is not self._why:  # the pad has lifted off
+            if phase is Phase.UNLOADING and reason is not self._why:  # the pad has lifted off
                 hold.resumption = Event.APPROACH_AGAIN
-            joints, within = self._inputs.joints, self._config.hold.resume_within
-            hold.worsen(reason, joints is None or now - joints.arrival > within)
+            else:
+                joints, within = self._inputs.joints, self._config.hold.resume_within
+                hold.worsen(reason, joints is None or now - joints.arrival > within)
         elif event is Event.RESUME:
             event = Event.APPROACH_AGAIN if self._came_off() else hold.resumption
             reason = self._outcome if event is Event.RETREAT_AGAIN else reason

@@ -37,7 +37,7 @@ class Hold:
     def stray(self, off: float) -> None:
         """Bind the hold because the robot is at a distance [m] from its commanded pose."""
         self.bound, self.cause = True, Reason(
-            ReasonCode.NOT_FOLLOWING, f'it stands {1e3 * off:.1f} mm from where it was sent')
+            ReasonCode.NOT_FOLLOWING, f'it is {1e3 * off:.1f} mm from where it was sent')
 
     def see(self, well: bool, now: float) -> None:
         """Update `well_since`: whether there is no problem at a steady time [s]."""

@@ -51,7 +51,7 @@ def test_a_robot_that_stops_is_found_out_before_it_is_far_behind(speed):
 def test_a_robot_that_answers_too_late_is_found_out():
     now, reason = problem_of(lambda now: pose(0.01 * now),
                              lambda now: pose(0.01 * max(now - 0.08, 0.0)))
-    assert now < 0.08 and 'stands' in reason.detail
+    assert now < 0.08 and 'does not move' in reason.detail
 
 
 @pytest.mark.parametrize('offset, follows', [(0.0019, True), (0.0021, False)])

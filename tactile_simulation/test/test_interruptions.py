@@ -192,6 +192,21 @@ def test_a_hold_that_lasts_lifts_the_pad_off_and_goes_on_from_there(lift):
     it.check()
 
 
+def test_who_asks_while_the_pad_lifts_off_in_a_hold_need_not_ask_again():
+    it = Interrupted('trace', State.TRACK, 0)
+    it.loop.sensor_alive = False
+    it.loop.run(None, 1.0)
+    it.loop.sensor_alive = True
+    it.loop.run(None, 0.1)
+    assert it.loop.log[-1].force == 0.0 and it.loop.servo.state == State.HOLD
+    assert it.loop.servo.pause(False, it.loop.now).code == ReasonCode.RESUMED
+    reasons = set()
+    it.loop.run(None, 20.0, lambda s: reasons.add(s.reason.text))
+    assert it.loop.servo.success, it.loop.servo.reason
+    assert not [text for text in reasons if text.count('held:') > 1]  # one cause, once
+    it.check()
+
+
 def test_a_pad_that_is_lifting_off_in_a_hold_stands_still_when_asked_to():
     it = Interrupted('trace', State.TRACK, 0)
     it.loop.sensor_alive = False
@@ -300,7 +315,7 @@ def test_time_that_stands_holds_and_is_not_taken_up_unasked():
     loop.servo.cycle = cycle
     loop.run(None, 1.0)
     assert (loop.servo.state, loop.servo.reason.code) == (State.HOLD, ReasonCode.INPUT_BACK)
-    assert 'time stands still' in loop.servo.reason.detail
+    assert 'time stopped' in loop.servo.reason.detail
     loop.servo.pause(False, loop.now)
     loop.run(None, 20.0)
     assert loop.servo.success

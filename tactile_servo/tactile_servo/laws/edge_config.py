@@ -34,7 +34,7 @@ class ForceConfig:
     stiffness: float = bounded(
         5000.0, 'total stiffness of skin, finger and robot along the normal', 'N/m', 10.0, 1e7)
     skin_stiffness: float = bounded(
-        2.0e5, 'line force per length and indentation, which tells the height of the edge',
+        2.0e5, 'line force per indentation, from which the height of the edge follows',
         'N/m^2', 1e2, 1e9)
 
 

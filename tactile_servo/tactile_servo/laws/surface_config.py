@@ -40,8 +40,8 @@ class CourseConfig:
 
     acceleration: float = bounded(0.2, 'acceleration of the contact', 'm/s^2', 0.01, 100.0)
     blind: float = bounded(
-        1e-5, 'depth by which the surface may turn out otherwise, before an image can tell: the '
-        'probe is slower where the curvature ahead is less certain', 'm', 1e-7, 1e-2)
+        1e-5, 'error of the predicted depth that is accepted until the next image: the probe is '
+        'slower where the curvature ahead is less certain', 'm', 1e-7, 1e-2)
 
 
 @dataclass(frozen=True)
