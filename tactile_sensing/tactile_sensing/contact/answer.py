@@ -127,7 +127,7 @@ def look(frame: np.ndarray, sensor: tuple, saturated: int) -> Look:
     return _look(frame, Sensor(Pad(*sensor[0]), *sensor[1:]), saturated)[0]
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _nothing(seen: Look, kind: int, reasons: int) -> Answer:
     """Return the answer for an image without a fit."""
     return Answer(seen.moments, kind, False, False, reasons, POINT, False, False, False, 0, np.nan,

@@ -26,6 +26,7 @@ HALF_SPACE = 2.5  # exponent of a point's bump on a half-space
 SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P: known skin, unknown skin
 # Assumed scatter of unknown gains: sharp tier, robust tier, free tier.
 SCATTER = 0.05, 0.1, 0.05
+POWER, ENDS, ROBUST, PATCH, BASELINE = 1, 2, 4, 8, 16  # options, see `Beliefs`
 UNSEEN = 0.0, 0.01  # d that a fit may have absorbed: sharp load on a known skin, all others
 
 
@@ -39,9 +40,10 @@ def widest(pad: Pad) -> float:
 
 
 @njit(error_model='numpy')
-def beliefs_of(pad: Pad, scatter: float, kind: int, power: bool, ends: bool, robust: bool,
-               patch: bool, base: bool) -> Beliefs:
-    """Return the priors and bounds of a load; `base`: whether a baseline is fitted."""
+def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
+    """Return the priors and bounds of a load; `options` is a sum of the constants above."""
+    power, ends, robust = options & POWER > 0, options & ENDS > 0, options & ROBUST > 0
+    patch = options & PATCH > 0
     count = BASE + pad.depths.size
     mean, information, step = np.zeros(count), np.zeros(count), np.ones(count)
     low, high, fitted = np.full(count, -np.inf), np.full(count, np.inf), np.zeros(count, np.bool_)
@@ -78,7 +80,7 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, power: bool, ends: bool, rob
         fitted[WIDTH], low[WIDTH], high[WIDTH], step[WIDTH] = True, 0.0, MAX_VARIANCE, 0.1
         volume += math.log(MAX_VARIANCE)
         flat += 1
-    fitted[BASE:] = base
+    fitted[BASE:] = options & BASELINE > 0
     gain, spread = (scatter, 0.5) if scatter > 0.0 else (SCATTER[int(robust) + int(power)], 1.0)
     return Beliefs(kind, power, ends, patch, robust, mean, information, low, high, step,
                    np.flatnonzero(fitted), volume - 0.5 * math.log(2.0 * math.pi) * flat,

@@ -122,7 +122,9 @@ def marginal_scatter(fit: Fit, noise2: np.ndarray, prior: np.ndarray, beliefs: B
             variance[t] = noise2[some[t]] + g * g * fit.square[some[t]]
         if whole:
             weigh(error, variance, every, True, weight)
-            matrix[:] = base
+            for i in range(n):
+                for j in range(i + 1):
+                    matrix[i, j] = base[i, j]
             add_normal(few, weight, error, matrix, right)
             determinant = factor_of(matrix, factor)
         if determinant == determinant:

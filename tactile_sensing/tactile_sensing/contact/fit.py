@@ -49,7 +49,7 @@ class _Scale(NamedTuple):
     drift: float  # standard deviation of a baseline
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _model(fit: Fit, pad: Pad, beliefs: Beliefs, theta: np.ndarray, coarse: bool,
            every: bool) -> None:
     """Write model and derivatives of a load; `every`: by parameters that are not fitted too."""
@@ -57,7 +57,8 @@ def _model(fit: Fit, pad: Pad, beliefs: Beliefs, theta: np.ndarray, coarse: bool
     add_rows(beliefs.kind, beliefs.power, beliefs.ends, wide, coarse, pad, theta, fit.by,
              fit.model)
     for i in range(beliefs.active.size):
-        fit.rows[i] = fit.by[beliefs.active[i]]
+        for t in range(fit.model.size):
+            fit.rows[i, t] = fit.by[beliefs.active[i], t]
 
 
 @njit(error_model='numpy')
@@ -72,7 +73,7 @@ def _prior(beliefs: Beliefs, force: float, drift: float, prior: np.ndarray) -> N
             prior[i] = drift ** -2.0
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', inline='always')
 def _begin(fit: Fit, pad: Pad, readings: Readings, beliefs: Beliefs) -> _Scale:
     """Set forces and baselines at the start by least squares; peak 0 if that fails."""
     theta, n, tactels = fit.theta, beliefs.active.size, readings.value.size
@@ -99,7 +100,8 @@ def _begin(fit: Fit, pad: Pad, readings: Readings, beliefs: Beliefs) -> _Scale:
         matrix[i, i] += prior[first + i] + 1e-9 * matrix[i, i]
     if np.isnan(solve(matrix, right, inverse, solution)):
         return _Scale(0.0, force, drift)
-    theta[beliefs.active[first:]] = solution
+    for i in range(n - first):
+        theta[beliefs.active[first + i]] = solution[i]
     theta[FORCE] = max(theta[FORCE], 1e-3 * force)
     return _Scale(peak, force, drift)
 
@@ -159,7 +161,7 @@ def unfitted(start: np.ndarray, noise2: np.ndarray, n: int) -> Fit:
 
 
 @njit(error_model='numpy')
-def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray, warm: bool) -> Fit:
+def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) -> Fit:
     """
     Fit one load by Gauss-Newton.
 
@@ -169,15 +171,14 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray, 
     readings : Readings
     beliefs : Beliefs
     start : ndarray, shape (parameters,)
-        Its forces are not used.
-    warm : bool
-        Whether the start is near the solution, so that no annealing is needed.
+        With a force of 0 it is cold: a robust fit is annealed. Its forces are not used otherwise.
 
     Returns
     -------
     Fit
     """
     robust, n = beliefs.robust, beliefs.active.size
+    annealed = ANNEALED * (robust and start[FORCE] == 0.0)
     rows, columns = pad.y.size, pad.x.size
     fit = unfitted(start, readings.noise2, n)
     theta, matrix, right = fit.theta, np.zeros((n, n)), np.zeros(n)
@@ -189,7 +190,7 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray, 
     g, last = beliefs.gain if robust else beliefs.known, STEPS[1 if robust else 0] - 1
     for iteration in range(last + 1):
         heat = 0.0
-        if robust and iteration < ANNEALED and not warm:
+        if iteration < annealed:
             heat = (0.3 * scale.peak * COOLING ** iteration) ** 2
         coarse = beliefs.power and (heat > 0.0 or theta[WIDTH] > math.log(BROAD * pad.pitch))
         done = iteration == last or (moved < SETTLED and heat == 0.0)

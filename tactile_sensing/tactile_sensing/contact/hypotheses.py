@@ -18,12 +18,32 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_common.kernels import FAST, njit
-from tactile_sensing.contact.beliefs import beliefs_of, HALF_SPACE
+from tactile_sensing.contact.beliefs import (
+    BASELINE,
+    beliefs_of,
+    ENDS,
+    HALF_SPACE,
+    PATCH,
+    POWER,
+    ROBUST,
+)
 from tactile_sensing.contact.fit import fit_load, unfitted
 from tactile_sensing.contact.misfit import judge, LOUD, residual_of
 from tactile_sensing.contact.records import Beliefs, Hypothesis, Misfit, Readings, Residual
 from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, EXTRA, is_nothing, refusal
-from tactile_sensing.skin.bumps import BASE, BEGIN, END, EXPONENT, LINE, Pad, POINT, Q0, Q1, WIDTH
+from tactile_sensing.skin.bumps import (
+    BASE,
+    BEGIN,
+    END,
+    EXPONENT,
+    FORCE,
+    LINE,
+    Pad,
+    POINT,
+    Q0,
+    Q1,
+    WIDTH,
+)
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 from tactile_sensing.types.contact import Reason
 
@@ -108,11 +128,11 @@ def _cold_start(kind: int, power: bool, guess: Guess, count: int) -> np.ndarray:
 
 
 # Functions that call a fit are inlined: otherwise numba optimises the fit again for each caller.
+# For the same reason a tier calls fit and `judge` at one place, and options are no literals.
 @njit(error_model='numpy', inline='always')
-def _fitted(pad: Pad, readings: Readings, beliefs: Beliefs, theta: np.ndarray,
-            warm: bool) -> Hypothesis:
+def _fitted(pad: Pad, readings: Readings, beliefs: Beliefs, theta: np.ndarray) -> Hypothesis:
     """Fit one hypothesis; `_judged` adds its misfit and covariance."""
-    fit = fit_load(pad, readings, beliefs, theta, warm)
+    fit = fit_load(pad, readings, beliefs, theta)
     return Hypothesis(beliefs, fit, fit.evidence - EXTRA * (beliefs.ends + beliefs.patch),
                       residual_of(fit, readings), Misfit(0.0, 0.0, 0.0, 0.0, 0.0),
                       np.zeros((0, 0)))
@@ -134,9 +154,8 @@ def _is_noise(one: Hypothesis) -> bool:
 
 
 @njit(error_model='numpy')
-def _nothing(pad: Pad, readings: Readings, scatter: float) -> Hypothesis:
+def _nothing(readings: Readings, beliefs: Beliefs) -> Hypothesis:
     """Return a hypothesis without a fit."""
-    beliefs = beliefs_of(pad, scatter, POINT, False, False, False, False, False)
     fit = unfitted(np.zeros(beliefs.mean.size), readings.noise2, beliefs.active.size)
     return Hypothesis(beliefs, fit, -np.inf, Residual(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
                       Misfit(0.0, 0.0, 0.0, 0.0, 0.0), np.zeros((0, 0)))
@@ -155,15 +174,14 @@ def _other_skin(one: Hypothesis) -> bool:
 def _search_sharp(pad: Pad, readings: Readings, scatter: float, guess: Guess,
                   kinds: np.ndarray) -> tuple[Hypothesis, bool]:
     """Fit sharp loads on the known skin; return the last, and whether it explains the image."""
-    sharp = _cold_start(kinds[0], False, guess, BASE + pad.depths.size)
     for kind in kinds:
-        sharp = _cold_start(kind, False, guess, sharp.size)
+        sharp = _cold_start(kind, False, guess, BASE + pad.depths.size)
         for extra in range(3):  # nothing, a patch, a baseline
             beliefs = beliefs_of(
-                pad, scatter, kind, False, False, False, extra == 1, extra == 2)
+                pad, scatter, kind, PATCH * (extra == 1) + BASELINE * (extra == 2))
             theta = sharp.copy()
             theta[WIDTH] = FIRST_PATCH * beliefs.patch
-            one = _fitted(pad, readings, beliefs, theta, True)
+            one = _fitted(pad, readings, beliefs, theta)
             if _is_noise(one):
                 one = _judged(pad, readings, one)
                 if one.misfit.significance < DOUBT and one.misfit.hidden < SHOWN:
@@ -182,48 +200,52 @@ def _unexplained(one: Hypothesis) -> bool:
             or one.fit.scatter > 2.0 * one.beliefs.gain or one.misfit.hidden > SHOWN)
 
 
-@njit(error_model='numpy', inline='always')
-def _better(pad: Pad, readings: Readings, one: Hypothesis, other: Hypothesis) -> Hypothesis:
-    """Return the hypothesis with the greater evidence, judged; `one` is judged already."""
-    return _judged(pad, readings, other) if other.evidence > one.evidence else one
+@njit(error_model='numpy')
+def _with_ends(line: Hypothesis, guess: Guess) -> np.ndarray:
+    """Return a cold start for a line with ends, from the fitted line without."""
+    theta = line.fit.theta.copy()
+    middle = guess.y * math.cos(theta[Q1]) - guess.x * math.sin(theta[Q1])
+    theta[BEGIN], theta[END] = middle - 1.6 * guess.length, middle + 1.6 * guess.length
+    theta[FORCE] = 0.0
+    return theta
 
 
 @njit(error_model='numpy', inline='always')
 def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, kinds: np.ndarray,
-                   power: bool) -> Hypothesis:
-    """Find the load with the greatest evidence; it is -infinite if no fit works."""
-    best = line = _nothing(pad, readings, scatter)
-    for kind in kinds:
-        beliefs = beliefs_of(pad, scatter, kind, power, False, True, False, True)
-        start = _cold_start(kind, power, guess, beliefs.mean.size)
-        one = _fitted(pad, readings, beliefs, start, False)
-        line = one if kind == LINE else line
-        best = one if one.evidence > best.evidence else best
-    if best.evidence == -np.inf:
-        return best
-    best = _judged(pad, readings, best)
-    if best.misfit.hidden > SHOWN:
-        best = _with_patch(pad, readings, scatter, best)
-    if line.evidence == -np.inf or not _unexplained(best):
-        return best
-    along = line.fit.theta.copy()
-    middle = guess.y * math.cos(along[Q1]) - guess.x * math.sin(along[Q1])
-    along[BEGIN], along[END] = middle - 1.6 * guess.length, middle + 1.6 * guess.length
-    beliefs = beliefs_of(pad, scatter, LINE, power, True, True, False, True)
-    best = _better(pad, readings, best, _fitted(pad, readings, beliefs, along, False))
-    if best.beliefs.ends and best.misfit.hidden > SHOWN:
-        best = _with_patch(pad, readings, scatter, best)
+                   power: bool, best: Hypothesis) -> Hypothesis:
+    """
+    Find the load with the greatest evidence; `best` is returned if no fit works.
+
+    First the kinds are fitted. Only if the evidence asks for it, the best of them is fitted with
+    a patch, a line with ends, and then with a patch too.
+    """
+    line, last = best, kinds.size - 1
+    for step in range(kinds.size + 3):
+        kind, ends, patch = kinds[min(step, last)], False, False
+        theta = _cold_start(kind, power, guess, BASE + pad.depths.size)
+        if step == last + 2:
+            if line.evidence == -np.inf or not _unexplained(best):
+                break
+            kind, ends, theta = LINE, True, _with_ends(line, guess)
+        elif step > last:
+            if not best.misfit.hidden > SHOWN or step == last + 3 and not best.beliefs.ends:
+                continue
+            kind, ends, patch = best.beliefs.kind, best.beliefs.ends, True
+            theta = best.fit.theta.copy()
+            theta[WIDTH] = FIRST_PATCH
+        one = _fitted(pad, readings, beliefs_of(
+            pad, scatter, kind, ROBUST + BASELINE + POWER * power + ENDS * ends + PATCH * patch),
+            theta)
+        better = one.evidence > best.evidence
+        if better:
+            best = one
+        if step <= last and kind == LINE:
+            line = one
+        if step == last and best.evidence == -np.inf:
+            break
+        if step == last or step > last and better:
+            best = _judged(pad, readings, best)
     return best
-
-
-@njit(error_model='numpy', inline='always')
-def _with_patch(pad: Pad, readings: Readings, scatter: float, one: Hypothesis) -> Hypothesis:
-    """Add a patch to a load if the evidence supports it."""
-    beliefs = beliefs_of(
-        pad, scatter, one.beliefs.kind, False, one.beliefs.ends, True, True, True)
-    theta = one.fit.theta.copy()
-    theta[WIDTH] = FIRST_PATCH
-    return _better(pad, readings, one, _fitted(pad, readings, beliefs, theta, True))
 
 
 @njit(error_model='numpy')
@@ -265,7 +287,8 @@ def search(pad: Pad, readings: Readings, scatter: float,
     """
     guess = first_guess(pad, readings.value)
     kinds, mismatch, known = _order(pad, guess, kinds), 0, pad.depths[0] > 0.0
-    one, explains = _nothing(pad, readings, scatter), False
+    nothing = _nothing(readings, beliefs_of(pad, scatter, kinds[0], POWER * (not known)))
+    one, explains = nothing, False
     if known:
         one, explains = _search_sharp(pad, readings, scatter, guess, kinds)
     why = refusal(pad, readings, one) if explains else BAD_FIT
@@ -273,7 +296,7 @@ def search(pad: Pad, readings: Readings, scatter: float,
         wanted = not known or mismatch > 0 if power else known
         if explains or not wanted:
             continue
-        one = _search_robust(pad, readings, scatter, guess, kinds, power)
+        one = _search_robust(pad, readings, scatter, guess, kinds, power, nothing)
         why = (refusal(pad, readings, one) if one.evidence > -np.inf else BAD_FIT) | mismatch
         if not power and one.evidence > -np.inf and pad.depths.size == 1 and (
                 why or _other_skin(one)) and not is_nothing(readings, one.evidence):

@@ -77,13 +77,18 @@ def _smooth_line(place: np.ndarray, low: float, width: float, values: np.ndarray
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _smooth_plane(x: np.ndarray, y: np.ndarray, width: float, values: np.ndarray) -> None:
-    """Smooth values (n, rows * columns) on a grid by a Gaussian; in place."""
+def _smooth_plane(x: np.ndarray, y: np.ndarray, width: float, values: np.ndarray,
+                  first: int) -> None:
+    """Smooth values (n, tactels) of a layer, from a tactel on, by a Gaussian; in place."""
     rows, columns = y.size, x.size
     over_x = np.exp(-0.5 * ((x.reshape(-1, 1) - x) / width) ** 2)
     over_y = np.exp(-0.5 * ((y.reshape(-1, 1) - y) / width) ** 2)
     for k in range(values.shape[0]):
-        values[k] = (over_y @ values[k].copy().reshape(rows, columns) @ over_x).ravel()
+        layer = values[k, first:first + rows * columns].copy().reshape(rows, columns)
+        smooth = over_y @ layer @ over_x
+        for r in range(rows):
+            for c in range(columns):
+                values[k, first + r * columns + c] = smooth[r, c]
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -122,9 +127,7 @@ def _passed_on(kind: int, pad: Pad, fit: Fit, answer: np.ndarray, correlation: f
         _smooth_line(place, place.min(), correlation, moved)
     else:
         for layer in range(tactels // size):
-            here = moved[:, layer * size:(layer + 1) * size].copy()
-            _smooth_plane(pad.x, pad.y, correlation, here)
-            moved[:, layer * size:(layer + 1) * size] = here
+            _smooth_plane(pad.x, pad.y, correlation, moved, layer * size)
     for i in range(tactels):
         by = fit.model[i] if loaded[i] else 0.0
         for j in range(n):
@@ -291,7 +294,8 @@ def _unseen_middle(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs,
             # Away from the visible flank.
             moves[i] = -share / math.sqrt(
                 (1.0 - share ** 2) / covariance[i, i] + 12.0 / width ** 2)
-            moves[beliefs.active == FORCE] = 2.0 * abs(moves[i]) / width * fit.theta[FORCE]
+            force = np.searchsorted(beliefs.active, FORCE)
+            moves[force] = 2.0 * abs(moves[i]) / width * fit.theta[FORCE]
             covariance += moves.reshape(-1, 1) * moves
 
 
