@@ -3,6 +3,8 @@ from functools import lru_cache
 import os
 from pathlib import Path
 
+import pytest
+
 # Set before numpy is loaded: its threads, one per core of the host, wait for each other on a busy
 # machine.
 for _library in ('OMP', 'OPENBLAS', 'MKL'):
@@ -17,6 +19,7 @@ else:
         os.environ['ROS_DOMAIN_ID'] = str(hold_domain())
 
 ROOT = Path(__file__).resolve().parent
+LONG = bool(os.environ.get('TACTILE_LONG_TESTS'))
 WHOLE = (ROOT / 'test', ROOT / 'launch/test')  # tests of processes and of the whole system
 # Tests in WHOLE that start no processes and measure no times.
 BESIDE = {f'test_{name}.py' for name in (
@@ -35,7 +38,9 @@ def of_a_graph(path):
 
 
 def pytest_collection_modifyitems(items):
-    """Mark the tests that must run alone."""
+    """Mark the tests that must run alone, and skip those that take long."""
     for item in items:
         if of_a_graph(item.path):
             item.add_marker('graph')
+        if not LONG and item.get_closest_marker('long'):
+            item.add_marker(pytest.mark.skip(reason='runs with TACTILE_LONG_TESTS=1'))

@@ -1,6 +1,4 @@
 """Forty launches in a row, with goals, while readers come and go: no process dies."""
-import os
-
 import pytest
 
 WHY = 'launch_pytest is not installed: it comes with ROS 2, not as a wheel'
@@ -8,8 +6,7 @@ pytest.importorskip('launch_pytest', reason=WHY)
 pytest.importorskip('launch_ros', reason=WHY)
 
 
-@pytest.mark.skipif(not os.environ.get('TACTILE_LONG_TESTS'),
-                    reason='takes ten minutes; runs with TACTILE_LONG_TESTS=1')
+@pytest.mark.long
 def test_no_process_of_forty_launches_dies_while_readers_come_and_go():
     from tactile_tests import many_launches  # only where launch is installed
 

@@ -80,7 +80,7 @@ def playing():
 
 
 @pytest.mark.graph
-@pytest.mark.parametrize('rate', [0.3, 1.0, 5.0])
+@pytest.mark.parametrize('rate', [0.3, pytest.param(1.0, marks=pytest.mark.long), 5.0])
 def test_contacts_are_those_of_the_recording_at_any_rate(playing, rate):
     it = playing(rate=rate)
     begun = time.monotonic()
@@ -117,7 +117,7 @@ def test_nothing_is_played_while_it_is_paused(playing):
 
 
 @pytest.mark.graph
-@pytest.mark.parametrize('rate', [1.0, 5.0])
+@pytest.mark.parametrize('rate', [pytest.param(1.0, marks=pytest.mark.long), 5.0])
 def test_a_loop_begins_anew(playing, rate):
     it = playing(rate=rate, loop=True)
 

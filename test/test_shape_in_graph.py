@@ -50,11 +50,11 @@ def test_the_curved_edge_has_its_radius(tmp_path):
         it.add_all()
         it.graph.add(ShapeEstimatorNode)
         listener = it.graph.add(ContourListener)
-        client = it.track(speed=0.023, length=0.12)
+        client = it.track(speed=0.06, length=0.12)
         assert client.success, client.reason
         listener.wait_for_the_last_contour(it)
         contour, patches = listener.points, listener.patches
-    assert patches > 200  # of 520 images; a slow machine skips some
+    assert patches > 80  # of 200 images; a slow machine skips some
     outline = find_outline(contour)
     curved = max(outline.sides, key=lambda side: side.length)
     assert curved.kind == 'arc' and curved.radius == pytest.approx(RADIUS, rel=0.01)

@@ -310,7 +310,7 @@ def beyond(place, bounds):
 
 
 @pytest.mark.parametrize('tracker', list(LAWS))
-@settings(max_examples=(SEQUENCES + 1) // 2 or 30, derandomize=not SEQUENCES, deadline=None,
+@settings(max_examples=(SEQUENCES + 1) // 2 or 12, derandomize=not SEQUENCES, deadline=None,
           print_blob=True)
 @given(start=places, margin=st.sampled_from([1e-9, 1e-3, 0.4, 0.4]), goal=goals,
        prelude=preludes, script=st.lists(steps, max_size=12))

@@ -7,7 +7,7 @@ from puma_loop import LIMITS, puma_loop, ROOT
 import pytest
 
 from tactile_sensing.types.contact import Reason as ContactReason
-from tactile_servo.config import HoldConfig, ServoConfig
+from tactile_servo.config import ApproachConfig, HoldConfig, RetreatConfig, ServoConfig
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
@@ -121,7 +121,8 @@ BRIEF = [('controller', 0.2), ('deaf', 0.2), ('servo', 0.06), ('servo', 0.3), ('
 
 
 @pytest.mark.parametrize('state, what, seconds', [
-    *((State.APPROACH, *it) for it in LONG), *((State.TRACK, *it) for it in LONG + BRIEF)])
+    *((State.TRACK, *it) for it in LONG + BRIEF), (State.APPROACH, *LONG[0]),
+    *(pytest.param(State.APPROACH, *it, marks=pytest.mark.long) for it in LONG[1:])])
 def test_an_interruption_is_told_and_moves_nothing(state, what, seconds):
     interrupted('trace', state, what, seconds)
 
@@ -351,7 +352,8 @@ def test_no_state_lasts_for_ever(state, monkeypatch):
     """A robot whose every wanted motion is held back, by so little that it counts as moving."""
     monkeypatch.setattr('tactile_servo.state_times.SLACK', 0.1)
     monkeypatch.setattr('tactile_servo.state_times.LONGEST_TRACK', 1.0)
-    loop = puma_loop(tracker='resolved_rate')
+    loop = puma_loop(tracker='resolved_rate', config=ServoConfig(
+        approach=ApproachConfig(distance=0.008), retreat=RetreatConfig(distance=0.003)))
     loop.run(EdgeGoal(0.03, 5.0, length=0.01 if state == State.RETREAT else 0.0), 9.0,
              lambda s: s.state == state)
     command = loop.servo.motion.command

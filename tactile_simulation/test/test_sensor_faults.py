@@ -104,7 +104,7 @@ def sticking(simulation, from_force):
     ('straight', 'trace'), ('straight', 'resolved_rate'), ('surfaces/plane', None)])
 @pytest.mark.parametrize('from_force, tested', [(1.0, True), (1.0, False)])
 def test_a_sensor_that_sticks_is_found_before_the_pad_goes_on(scene, law, from_force, tested):
-    goal = LINE if scene.startswith('surfaces') else EdgeGoal(0.03, FORCE)
+    goal = LINE if scene.startswith('surfaces') else EdgeGoal(0.03, FORCE, length=0.03)
     simulation = sticking(Simulation(load_scene(find_scene(scene)), law, config=ServoConfig(
         self_test=tested)), from_force)
     simulation.run(goal, 20.0)
