@@ -28,5 +28,5 @@ def test_a_pad_that_disagrees_with_the_wrist_is_lifted_off(tmp_path):
 
 def test_the_pad_is_not_compared_with_itself(tmp_path):
     with bench(parameters=half_rates(tmp_path)) as it, pytest.raises(
-            ConfigurationError, match='what the pad itself tells'):
+            ConfigurationError, match='the force of the pad itself'):
         it.add_all(wrist='wrench')

@@ -46,7 +46,7 @@ class TrackConfig(GoalConfig):
         5.0, 'give up when the servo, which has the goal, says nothing for this time', 's',
         0.2, 3600.0)
     resumes: int = bounded(
-        0, 'how often a servo that holds, and could go on, is asked to; above 0 only for a robot '
+        0, 'how often a servo that holds, and could continue, is asked to; above 0 only for a robot '
         'that nobody is near', '', 0, 10000)
     record: str = field(default='', metadata={
         'doc': 'new folder that everything is recorded into while the goal runs'})
@@ -138,7 +138,7 @@ class TrackNode(TactileNode):
                  (self._tared, 'the sensor is not tared: is the pad free? See its diagnostics'),
                  (self._client.server_is_ready(), f'no servo offers {self.config.action}'),
                  (self._robot, 'the servo gets no joint states: is the robot running?'),
-                 (self._heartbeat.get_subscription_count(), 'the servo hears no heartbeat'),
+                 (self._heartbeat.get_subscription_count(), 'the servo receives no heartbeat'),
                  (self._felt, 'the servo gets no contacts, or no sensor_info'),
                  (heard, 'the recorder does not listen'))
         return next((text for ready, text in waits if not ready), '')
@@ -206,7 +206,7 @@ class TrackNode(TactileNode):
         if offered and due and self._resumed < self.config.resumes:
             self._resumed, self._asked = self._resumed + 1, time.monotonic()
             self.get_logger().warning(
-                f'asked to go on ({self._resumed} of {self.config.resumes}): {feedback.reason}')
+                f'asked to continue ({self._resumed} of {self.config.resumes}): {feedback.reason}')
             self._pause.call_async(SetBool.Request(data=False))
         if not offered:
             self._asked = -math.inf

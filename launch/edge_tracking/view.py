@@ -120,7 +120,7 @@ class ViewNode(TactileNode):
                     new[name] = of_message(message)
             except TactileError as error:
                 self.get_logger().warning(
-                    f'{name} passed over: {error}', throttle_duration_sec=5.0)
+                    f'{name} ignored: {error}', throttle_duration_sec=5.0)
         if not new:
             return
         self._shown = {**self._shown, 'sensor_pose': None, **new}

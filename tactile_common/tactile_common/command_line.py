@@ -33,7 +33,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise a ConfigurationError for invalid arguments."""
-        raise ConfigurationError(f'{message}; --help tells more')
+        raise ConfigurationError(f'{message}; see --help')
 
 
 def between(low: float, high: float, unit: str = '', kind: type = float) -> Callable[[str], Any]:

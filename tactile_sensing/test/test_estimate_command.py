@@ -226,7 +226,7 @@ def test_mistakes_cost_one_line(there, capsys, arrays, options, words):
     (['gone.npz', *OPTIONS, '-o', 'out.npz'], 'gone.npz: cannot be read: No such file'),
     (['.', '-o', 'out.npz'], 'bag .: has no metadata.yaml'),
     (['gone.mcap', '-o', 'out.npz'], 'bag gone.mcap: there is no such bag'),
-    (['gone.mcap', *OPTIONS, '-o', 'out.npz'], '--pitch stands in the bag'),
+    (['gone.mcap', *OPTIONS, '-o', 'out.npz'], '--pitch is given by the bag'),
 ])
 def test_missing_input(there, capsys, args, words):
     assert estimate.main(args) == 2

@@ -107,7 +107,7 @@ def test_flat_arrays_ask_for_their_shape(run):
                 in run(name, *TOLD, '--shape', '16', '16'))
     assert '--shape says 14 x 12 = 168' in run('cube.npy', *TOLD, '--shape', '14', '12')
     assert '--shape: value is 0, must be between 1' in run('flat.npy', *TOLD, '--shape', '0', '1')
-    assert '--shape stands in the calibration' in run('flat.npy', *calibrate(), *SHAPE)
+    assert '--shape is given by the calibration' in run('flat.npy', *calibrate(), *SHAPE)
 
 
 def test_integers_need_a_meaning(run):
@@ -133,7 +133,7 @@ def test_volts_with_a_scale(run):
     found = run('in.npz', *TOLD, '--scale', '2e5')
     for name in ('x', 'line_force'):
         np.testing.assert_allclose(found[name], expected[name], rtol=1e-9)
-    assert '--scale stands in the calibration' in run('in.npz', *calibrate(), '--scale', '2')
+    assert '--scale is given by the calibration' in run('in.npz', *calibrate(), '--scale', '2')
 
 
 def test_volts_with_a_calibration_are_not_rounded_away(run):

@@ -137,8 +137,8 @@ def test_bytes_that_are_no_message_are_passed_over(node, monkeypatch, raw):
         hear(raw)
     node._on_cycle()
     assert warnings == [
-        f'image passed over: {len(raw)} bytes that are no TactileImage',
-        f'contact passed over: {len(raw)} bytes that are no Contact']
+        f'image ignored: {len(raw)} bytes that are no TactileImage',
+        f'contact ignored: {len(raw)} bytes that are no Contact']
     warnings.clear()
     node._on_joints(raw)
     assert len(warnings) == 1 and warnings[0].startswith('joint state')

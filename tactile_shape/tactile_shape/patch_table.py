@@ -131,4 +131,4 @@ def _doubt(position: np.ndarray, normal: np.ndarray, window: float) -> str:
         return (f'the whole path is {1e3 * way:.2g} mm long: below {1e3 * SHORT_PATH:g} mm hardly '
                 'anything is seen')
     return ('if the path is straight, swing it by 1 mm or more; if it is not of one surface, take '
-            'a shorter --window; if positions are noisier than --position-noise, tell it')
+            'a shorter --window; if positions are noisier than --position-noise, increase it')

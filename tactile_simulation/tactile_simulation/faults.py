@@ -20,7 +20,7 @@ KINDS: dict[str, tuple[str, str | None]] = {
     'gain': ('the gain is multiplied by VALUE', ''),
     'drift': ('all readings drift by VALUE', 'Pa/s'),
     'late': ('windows reach the robot later by VALUE', 's'),
-    'stale_client': ('the client of the goal is not heard of any more', None),
+    'stale_client': ('the client of the goal falls silent', None),
 }
 FORM = 'KIND@T[:SECONDS][=VALUE]'
 _NUMBER = r'[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?'

@@ -30,7 +30,7 @@ def parser() -> argparse.ArgumentParser:
     """Return the command-line parser."""
     arguments = Parser(
         prog='report', formatter_class=Help, epilog=describe_scenes(),
-        description='Writes what a rosbag2 recording holds as one HTML page: a player of images '
+        description='Writes the content of a rosbag2 recording as one HTML page: a player of images '
         'and estimates, the way of the pad, error, force, states, latency. Two recordings stand '
         'side by side. Exit status 2, and nothing written, if one cannot be read.')
     add = arguments.add_argument

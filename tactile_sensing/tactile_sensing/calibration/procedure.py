@@ -288,8 +288,7 @@ class _Procedure:
     def outcome(self) -> Outcome:
         """Return the calibration with reasons to doubt it."""
         if not self.known.gain and self.recordings.force is None:
-            self.assumed.append('no force is known: places, yaw and type can be told, forces '
-                                'cannot')
+            self.assumed.append('no force is known: only place, yaw and type can be estimated')
         self.found['assumed'] = self.assumed
         calibration = Calibration(model='calibrated', source='calibrate', found=self.found,
                                   **self.values)

@@ -49,7 +49,7 @@ def verdict(calibration: Calibration, fit: Fit | None) -> str:
         force = np.hypot(calibration.force_std, fit.force_left)
         parts.append(f'good for +-{100.0 * force:.1f} % of force')
     elif calibration.unit == 'Pa':
-        parts.append('forces by the gain that was told')
+        parts.append('forces by the gain that was given')
     else:
         parts.append('good for places and directions, not for forces')
     if fit is not None and fit.depth_std > 0.0:

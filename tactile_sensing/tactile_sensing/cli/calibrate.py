@@ -33,8 +33,8 @@ from tactile_sensing.types.array import PITCH, TactelArray
 
 RECORDED = {
     'unloaded': 'of the unloaded pad', 'corners': 'of presses in the corners',
-    'rolling': 'of a ball rolled over the pad, or of anything on it: without corners they tell '
-    'range, threshold and silent tactels alone',
+    'rolling': 'of a ball rolled over the pad, or of anything on it: without corners only '
+    'range, threshold and silent tactels are found',
     'ball': 'of presses of a small ball; an array `force` (N,) [N] in it is that of each',
     'flat': 'of presses of the ball all over the pad'}
 STEPS = 4  # largest number of steps of the progress bar
@@ -103,7 +103,7 @@ def parser() -> argparse.ArgumentParser:
         help='a tactel measures the mean over its area, or the stress at its centre '
         '(default: %(default)s)')
     add('--bits', metavar='N', type=between(1, MAX_BITS, kind=int),
-        help='of the converter, 1 to 16 (default: as a bag tells, or counts under load show; '
+        help='of the converter, 1 to 16 (default: from the bag or from counts under load; '
         'needed where only the unloaded pad was recorded, in a file)')
     add('--resolution', metavar='V', type=between(*RESOLUTION), default=1.0,
         help='step of the converter where recordings are volts (or another unit), not counts')
@@ -123,7 +123,7 @@ def record(options: argparse.Namespace) -> None:
         record_port(options)
     elif subprocess.run([sys.executable, '-m', 'tactile_sensing.nodes.press_recorder',
                        options.live, options.topic], check=False).returncode:
-        raise ConfigurationError('not all is recorded; the same command goes on from here')
+        raise ConfigurationError('not all is recorded; the same command continues from here')
     for name in RECORDED:
         path = Path(options.live, f'{name}.npz')
         if path.exists() and getattr(options, name) is None:
@@ -147,7 +147,7 @@ def record_port(options: argparse.Namespace) -> None:
         try:
             Recorder(Path(options.live), array, look, ask, print).run()
         except EOFError:
-            raise ConfigurationError('no more answers; the same command goes on from here') from (
+            raise ConfigurationError('no more answers; the same command continues from here') from (
                 None)
 
 

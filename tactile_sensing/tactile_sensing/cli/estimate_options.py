@@ -37,7 +37,7 @@ FLAGS = {
     Reason.NOT_TARED: 'not set by this command: it takes frames as tared',
     Reason.SATURATED: 'saturated tactels were left out (can be set with valid)',
     Reason.DEAD_TACTELS: 'invalid tactels were left out (can be set with valid)',
-    Reason.SKIN_MISMATCH: 'the told skin does not explain the frame: place and direction only '
+    Reason.SKIN_MISMATCH: 'the given skin does not explain the frame: place and direction only '
                           '(can be set with valid)',
 }
 
@@ -176,7 +176,7 @@ def parse(args: list[str] | None = None) -> argparse.Namespace:
         given = getattr(options, name) is not None
         if given and (options.calibration or bag):
             raise ConfigurationError(
-                f'--{name} stands in the {"calibration" if options.calibration else "bag"}')
+                f'--{name} is given by the {"calibration" if options.calibration else "bag"}')
     if not (options.pitch or options.calibration or bag):
         raise ConfigurationError('--calibration is missing, or --pitch')
     if options.tare and not options.calibration:

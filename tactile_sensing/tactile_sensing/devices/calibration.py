@@ -62,7 +62,7 @@ class Calibration:
     depth: float = bounded(0.0, 'of the tactels below the surface', 'm', 0.0, PITCH[1])
     thickness: float = _at_least_0('m')  # of the skin on a rigid backing; 0 = no backing near
     poisson: float = 0.5  # Poisson's ratio of the skin
-    tactel: str = one_of('', 'what a tactel measures; empty: as the estimator is told',
+    tactel: str = one_of('', 'what a tactel measures; empty: as the estimator is configured',
                          ('area', 'point', ''))
     skin_stiffness: float = _at_least_0('N/m^2')  # line force per indentation; 0 = unknown
     max_load: float = _at_least_0('N')  # largest normal force on the pad; 0 = unknown

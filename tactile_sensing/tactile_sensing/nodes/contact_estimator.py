@@ -42,7 +42,7 @@ class ContactEstimatorNode(TactileNode):
         try:
             msg = unpacked(raw, TactileImageMsg)
         except TactileError as error:
-            self._warn(f'image passed over: {error}')
+            self._warn(f'image ignored: {error}')
             return
         try:
             image = image_from_msg(msg)

@@ -63,8 +63,8 @@ class DriverConfig:
     tare_at_start: bool = _told(True, 'Tare as soon as frames without load arrive')
     tare_frames: int = bounded(50, 'Frames averaged by a tare', '', MIN_TARE_FRAMES, 10000)
     last_tare: str = _told(
-        '', 'File that keeps the tare: a driver that comes back within 10 min, with a load on '
-        'the pad, goes on with it; empty = none')
+        '', 'File that keeps the tare: a driver that restarts within 10 min, with a load on '
+        'the pad, uses it; empty = none')
     track_drift: bool = _told(False, 'Tare again and again while nothing touches the pad')
     autostart: bool = _told(
         True, 'Configure and activate at the start; else a lifecycle manager does')
@@ -215,7 +215,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             self._pad.resume(tare)
             self._publish_info(at_ns)
             self.get_logger().warning(
-                f'{self._pad.refusal}; goes on with the tare of {age:.0f} s ago')
+                f'{self._pad.refusal}; continues with the tare of {age:.0f} s ago')
 
     def _on_tared(self, tare: Tare) -> None:
         at_ns = self.get_clock().now().nanoseconds

@@ -187,7 +187,7 @@ class EdgeFollowing:
             return self._search(coasting)
         if touching:
             return Assessment(State.DONE, Reason(
-                ReasonCode.EDGE_LOST, 'no ridge goes on, but the pad is pressed'))
+                ReasonCode.EDGE_LOST, 'the ridge ends, but the pad is pressed'))
         return self._reach_down() or ended(self.goal, progress, 2.0 * scale.half)
 
     def _reach_down(self) -> Assessment | None:

@@ -174,13 +174,13 @@ class EdgeServoNode(TactileNode):
             self._check_frame(msg)
             self._servo.see_sensor(sensor_info_from_msg(msg))
         except TactileError as error:
-            self._warn(f'sensor_info passed over: {error}')
+            self._warn(f'sensor_info ignored: {error}')
 
     def _on_joints(self, raw: bytes) -> None:
         try:
             msg = unpacked(raw, JointState)
         except TactileError as error:
-            self._warn(f'joint state passed over: {error}')
+            self._warn(f'joint state ignored: {error}')
             return
         positions = joint_positions(msg, self._model.joint_names)
         if positions is None:
@@ -205,7 +205,7 @@ class EdgeServoNode(TactileNode):
         wrist = self.create_subscription(WrenchStamped, topic, self._on_wrench, _NEWEST)
         if wrist.topic_name == self.resolve_topic_name('wrench'):
             raise ConfigurationError(
-                f"wrist: {topic!r} is what the pad itself tells; the topic of the robot's sensor "
+                f"wrist: {topic!r} is the force of the pad itself; the topic of the robot's sensor "
                 'is needed, such as /force_torque_sensor_broadcaster/wrench')
         return wrist
 
@@ -242,7 +242,7 @@ class EdgeServoNode(TactileNode):
             except TactileError as error:
                 self._servo.inputs.refused = getattr(
                     error, 'reason', Reason(ReasonCode.BAD_IMAGE, str(error)))
-                self._warn(f'image passed over: {error}')
+                self._warn(f'image ignored: {error}')
         if heard.force is not None:
             self._servo.see_wrench(*heard.force)
         if heard.contact is not None:
@@ -253,7 +253,7 @@ class EdgeServoNode(TactileNode):
                 self._servo.see_contact(
                     contact_from_msg(msg), stamp_to_ns(msg.header.stamp), arrival)
             except TactileError as error:
-                self._warn(f'contact passed over: {error}')
+                self._warn(f'contact ignored: {error}')
 
     def _on_timer(self) -> None:
         # A call that the executor queued before the timer was reset comes too early.

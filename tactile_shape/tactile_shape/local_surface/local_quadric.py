@@ -92,8 +92,8 @@ class LocalQuadric(SurfaceEstimator):
             'frame': _frame(self._centre, fit, self.config.finger_radius)}
         if fit.scatter > SCATTERED * self._cell or fit.residual > MAX_RESIDUAL:
             return self.refused(
-                'the contacts lie on no surface of second order, or have far more noise than '
-                f'told: they scatter by {1e3 * fit.scatter:.2g} mm, residuals are '
+                'no surface of second order fits the contacts, or their noise is far above the '
+                f'given one: they scatter by {1e3 * fit.scatter:.2g} mm, residuals are '
                 f'{fit.residual:.2g} standard deviations', **known)
         curvature, covariance, variance = np.array(fit.principal[:2]), fit.covariance, fit.seen
         radius, enough = self.config.finger_radius, self.config.max_curvature_std
@@ -103,7 +103,7 @@ class LocalQuadric(SurfaceEstimator):
             shrink = 1.0 - radius * curvature
             if shrink.min() < 1.0 - SHARP:
                 return self.refused('an edge or a point: its curvature is above what a finger of '
-                                    'this radius can tell', **known)
+                                    'this radius can measure', **known)
             curvature = curvature / shrink
             covariance = covariance / np.outer(shrink, shrink)**2
             variance = variance / shrink**4

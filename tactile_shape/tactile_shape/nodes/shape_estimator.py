@@ -127,7 +127,7 @@ class ShapeTopics:
         try:
             pose = pose_from_msg(msg.pose)
         except TactileError as error:
-            self._warn(f'sensor_pose passed over: {error}')
+            self._warn(f'sensor_pose ignored: {error}')
             return
         if self._frame != msg.header.frame_id:
             if self._frame is not None:
@@ -157,7 +157,7 @@ class ShapeTopics:
         try:
             pose = pose_from_msg(msg.pose)
         except TactileError as error:
-            self._warn(f'surface_contact passed over: {error}')
+            self._warn(f'surface_contact ignored: {error}')
             return
         if msg.header.frame_id != self._frame:  # before the first pose of the sensor
             return
@@ -224,7 +224,7 @@ class ShapeEstimatorNode(TactileNode):
         try:
             contact = contact_from_msg(msg)
         except TactileError as error:
-            self._warn(f'contact passed over: {error}')
+            self._warn(f'contact ignored: {error}')
             return
         self._shape.take_contact(stamp_to_ns(msg.header.stamp), contact, msg.sensor)
         if self._shape.lost > lost and not self.starting:

@@ -18,8 +18,8 @@ def parser() -> argparse.ArgumentParser:
     """Return the command-line parser."""
     arguments = Parser(
         prog='press_ball', formatter_class=Help, epilog=describe_scenes(),
-        description='Press a small ball on the sensor of a scene, straight, at places that '
-        'nobody is told: the recordings that `calibrate` takes.')
+        description='Press a small ball on the sensor of a scene, straight, at random '
+        'places that are not recorded: the recordings that `calibrate` takes.')
     add = arguments.add_argument
     add('scene', help='name of a scene, see below, or a YAML file')
     add('--out', required=True, metavar='FOLDER', help='for unloaded.npz, ball.npz, flat.npz')

@@ -160,7 +160,7 @@ class MockSensorNode(TactileNode):
                 self._poses.add(stamp_to_ns(message.header.stamp), pose)
         except TactileError as error:
             self.get_logger().warning(
-                f'sensor_pose is passed over: {error}', throttle_duration_sec=5.0)
+                f'sensor_pose is ignored: {error}', throttle_duration_sec=5.0)
 
     def _frame(self, number, instant):
         """Return the counts of a frame at an instant of the steady clock; None: do not send it."""
