@@ -46,8 +46,8 @@ class TrackConfig(GoalConfig):
         5.0, 'give up when the servo, which has the goal, says nothing for this time', 's',
         0.2, 3600.0)
     resumes: int = bounded(
-        0, 'how often a servo that holds, and could continue, is asked to; above 0 only for a robot '
-        'that nobody is near', '', 0, 10000)
+        0, 'how often a servo that holds, and could continue, is asked to; above 0 only for a '
+        'robot that nobody is near', '', 0, 10000)
     record: str = field(default='', metadata={
         'doc': 'new folder that everything is recorded into while the goal runs'})
 

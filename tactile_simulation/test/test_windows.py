@@ -178,6 +178,14 @@ def test_a_robot_whose_windows_come_far_too_late_is_not_moved():
     assert np.ptp([command for _, command in loop.commands], axis=0).max() < 1e-4
 
 
+@pytest.mark.parametrize('begin', [2.0, 2.3, 2.6])
+def test_windows_that_are_suddenly_far_too_late_are_no_longer_sent(begin):
+    loop = late_loop(0.06, begin)
+    assert 'late' in loop.servo.reason.text
+    assert np.abs(loop.accelerations()).max() <= 1.01 * LIMITS.acceleration.max()
+    assert max(cycle.force for cycle in loop.log) < 1.5 * 5.0
+
+
 def test_a_controller_that_plays_something_else_is_led_all_the_same():
     """What it says of itself is of no use, as that of a robot whose speed is scaled."""
     loop = puma_loop('straight', 'trace')

@@ -30,9 +30,9 @@ def parser() -> argparse.ArgumentParser:
     """Return the command-line parser."""
     arguments = Parser(
         prog='report', formatter_class=Help, epilog=describe_scenes(),
-        description='Writes the content of a rosbag2 recording as one HTML page: a player of images '
-        'and estimates, the way of the pad, error, force, states, latency. Two recordings stand '
-        'side by side. Exit status 2, and nothing written, if one cannot be read.')
+        description='Writes the content of a rosbag2 recording as one HTML page: a player of '
+        'images and estimates, the path of the pad, error, force, states, latency. Two recordings '
+        'are shown side by side. Exit status 2, and nothing written, if one cannot be read.')
     add = arguments.add_argument
     add('bags', nargs='+', metavar='BAG', help='one or two recordings: folders, .mcap or .db3')
     add('-o', '--out', metavar='FILE.html', type=page_file, required=True, help='page to write')

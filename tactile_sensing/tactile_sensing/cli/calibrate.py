@@ -147,8 +147,8 @@ def record_port(options: argparse.Namespace) -> None:
         try:
             Recorder(Path(options.live), array, look, ask, print).run()
         except EOFError:
-            raise ConfigurationError('no more answers; the same command continues from here') from (
-                None)
+            raise ConfigurationError(
+                'no more answers; the same command continues from here') from None
 
 
 def read_recordings(options: argparse.Namespace) -> Recordings:

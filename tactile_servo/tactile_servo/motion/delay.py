@@ -19,16 +19,17 @@ class WindowDelay:
     """
     Measures how late the robot's controller plays the windows of a motion.
 
-    A window is still on its way while the controller's reference differs from it. The longest
-    delay is kept for all later windows, because equal windows do not show their delay. The first
-    motion of a goal is not faster than `PROBE` until the controller plays one of its windows.
+    A window is still on its way while the controller's reference differs from it. Once it is
+    played, its delay is known; the longest delay is kept for all later windows, because equal
+    windows do not show theirs. The first motion of a goal is not faster than `PROBE` until the
+    controller plays one of its windows.
 
     Attributes
     ----------
     overdue : float
         Time for which the oldest window that is not yet played has been on its way [s].
     longest : float
-        Largest value of `overdue` in this goal [s].
+        Largest delay of a window that was played in this goal [s].
     """
 
     def __init__(self) -> None:
@@ -85,7 +86,9 @@ class WindowDelay:
             return
         if np.abs(reference - self._rest).max() > SAME:
             self.probing, self._proved = False, True
-        self.overdue, self.longest = awaited, max(self.longest, awaited)
+        if awaited < self.overdue:  # the oldest has been played
+            self.longest = max(self.longest, self.overdue)
+        self.overdue = awaited
 
     @property
     def learnt(self) -> tuple[float, float, bool, bool, bool]:

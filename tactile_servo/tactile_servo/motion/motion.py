@@ -230,7 +230,6 @@ class Motion:
             window, step = self._plan(kept, twist, settling)
         # Wait for windows that are already late: another one would be late by an unknown time.
         awaiting = self.delay.overdue > self._ahead
-        # The commanded state changes only if the window is sent.
         if first or not (settling or awaiting):
             joints = Joints(window.positions[-3], window.velocities[-3])
             self._before, self._now = self._now, Commanded(
@@ -239,6 +238,10 @@ class Motion:
             sent = Trajectory(self._limits.names, *window, stamp_ns=now_ns if self._stamped else 0)
             self.delay.send(sent)
             step = step._replace(trajectory=sent)
+        elif awaiting:  # the last window leads on
+            joints = Joints(kept.positions[-1], kept.velocities[-1])
+            pose, jacobian = self._robot.place(joints.positions)
+            self._now = self._now._replace(joints=joints, pose=pose, jacobian=jacobian)
         return step
 
     def _plan(self, kept: Window, wanted: np.ndarray,

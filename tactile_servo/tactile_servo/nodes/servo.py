@@ -205,8 +205,8 @@ class EdgeServoNode(TactileNode):
         wrist = self.create_subscription(WrenchStamped, topic, self._on_wrench, _NEWEST)
         if wrist.topic_name == self.resolve_topic_name('wrench'):
             raise ConfigurationError(
-                f"wrist: {topic!r} is the force of the pad itself; the topic of the robot's sensor "
-                'is needed, such as /force_torque_sensor_broadcaster/wrench')
+                f"wrist: {topic!r} is the force of the pad itself; the topic of the robot's "
+                'sensor is needed, such as /force_torque_sensor_broadcaster/wrench')
         return wrist
 
     def _on_wrench(self, msg: WrenchStamped) -> None:
