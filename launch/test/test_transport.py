@@ -83,7 +83,7 @@ def test_a_node_that_was_killed_is_missed_before_the_usual_lease_is_over():
     done = subprocess.run(
         [sys.executable, '-c', KILLED, KILLED], check=True, capture_output=True, text=True,
         timeout=60, env=plain() | local_environment(plain()))
-    assert float(done.stdout) < 15.0  # of a lease of 5 s; Fast DDS's own is 20
+    assert float(done.stdout) < 15.0  # of a lease of 2 s; Fast DDS's own is 20
 
 
 @pytest.mark.parametrize('name', [RANGE, 'ROS_STATIC_PEERS', 'FASTRTPS_DEFAULT_PROFILES_FILE',
