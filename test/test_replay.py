@@ -5,6 +5,7 @@ import time
 import pytest
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from tactile_tests.graph import half_rates
 
 from edge_tracking.graph import add_mocks, add_sensing, add_servo, Graph, private_port
 from edge_tracking.resources import share
@@ -14,7 +15,7 @@ from tactile_msgs.msg import Contact, TactileImage
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_simulation.scene import find_scene
 
-SECONDS = 30.0
+SECONDS = 60.0  # generous, for a busy machine
 
 
 class Player(Node):
@@ -49,12 +50,12 @@ class Player(Node):
 def bag(tmp_path_factory):
     folder = tmp_path_factory.mktemp('run')
     robot = share('urdf', 'puma260.urdf')
-    with private_port() as port, Graph() as graph:
+    with private_port() as port, Graph(half_rates(folder)) as graph:
         add_servo(graph, robot)
         add_sensing(graph, port)
         add_mocks(graph, port, find_scene('straight'), robot)
         track = graph.add(
-            TrackNode, length=0.01, retreat=False, record=str(folder / 'bag'))
+            TrackNode, length=0.02, retreat=False, record=str(folder / 'bag'), resumes=100)
         end = time.monotonic() + SECONDS
         graph.spin(lambda: track.finished or time.monotonic() > end)
         assert track.success, track.reason
