@@ -9,8 +9,8 @@ from tactile_servo.config import InputConfig
 from tactile_servo.reasons import Reason, ReasonCode
 
 SIZE = 512  # number of stored cycles
-STANDS_AFTER = 0.05  # times `following_distance`, commanded motion that must have an effect
-STANDS = 0.2  # largest share of this motion by which a robot that stands may have moved
+REST_AFTER = 0.05  # times `following_distance`, commanded motion that must have an effect
+REST_SHARE = 0.2  # largest share of this motion that a robot at rest may have moved
 LATE = 0.05  # s, largest delay of the robot: dead time and lag of an arm that can be servoed
 
 
@@ -44,7 +44,7 @@ class Following:
         c = self._config
         away, stands = _judge(
             self._times, self._sent, self._measured, self._count, measured,
-            arrival - LATE, STANDS_AFTER * c.following_distance, self._length)
+            arrival - LATE, REST_AFTER * c.following_distance, self._length)
         if not away <= c.following_distance:
             return Reason(ReasonCode.NOT_FOLLOWING, f'it is {1e3 * away:.1f} mm from its way')
         if stands:
@@ -101,14 +101,14 @@ def _stands(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, coun
     """
     Return whether the robot is at rest although it was commanded to move.
 
-    It was commanded by `enough` [m] until a time, and has moved by at most `STANDS` of that.
+    It was commanded by `enough` [m] until a time, and has moved by at most `REST_SHARE` of that.
     """
     size = len(times)
     last, moved = -1, 0.0
     for n in range(count - 1, max(count - size, 0) - 1, -1):
         k = n % size
         moved = max(moved, apart(measured_then[k], measured, length))
-        if moved > STANDS * enough:
+        if moved > REST_SHARE * enough:
             return False
         if last < 0 and times[k] <= until:
             last = k

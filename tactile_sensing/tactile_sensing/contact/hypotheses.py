@@ -216,19 +216,19 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
     """
     Find the load with the greatest evidence; `best` is returned if no fit works.
 
-    First the kinds are fitted. Only if the evidence asks for it, the best of them is fitted with
-    a patch, a line with ends, and then with a patch too.
+    In the steps before 0 each kind is fitted. Only if the evidence asks for it, a patch is added
+    to the best of them (0), a line with ends is fitted (1), and a patch is added to this (2).
     """
-    line, last = best, kinds.size - 1
-    for step in range(kinds.size + 3):
-        kind, ends, patch = kinds[min(step, last)], False, False
+    line = best
+    for step in range(-kinds.size, 3):
+        kind, ends, patch = kinds[min(step, -1)], False, False
         theta = _cold_start(kind, power, guess, BASE + pad.depths.size)
-        if step == last + 2:
+        if step == 1:
             if line.evidence == -np.inf or not _unexplained(best):
                 break
             kind, ends, theta = LINE, True, _with_ends(line, guess)
-        elif step > last:
-            if not best.misfit.hidden > SHOWN or step == last + 3 and not best.beliefs.ends:
+        elif step >= 0:
+            if not best.misfit.hidden > SHOWN or step == 2 and not best.beliefs.ends:
                 continue
             kind, ends, patch = best.beliefs.kind, best.beliefs.ends, True
             theta = best.fit.theta.copy()
@@ -239,11 +239,11 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
         better = one.evidence > best.evidence
         if better:
             best = one
-        if step <= last and kind == LINE:
+        if step < 0 and kind == LINE:
             line = one
-        if step == last and best.evidence == -np.inf:
+        if step == -1 and best.evidence == -np.inf:
             break
-        if step == last or step > last and better:
+        if step == -1 or step >= 0 and better:
             best = _judged(pad, readings, best)
     return best
 

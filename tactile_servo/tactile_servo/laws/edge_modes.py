@@ -10,8 +10,7 @@ from tactile_servo.laws.edge_motion import EdgeMotion, SEARCH
 from tactile_servo.motion.agility import Agility
 from tactile_servo.reasons import Reason, ReasonCode
 
-# Half sizes of the pad, a half diagonal: after this distance an edge has left the pad in any
-# direction
+# Half sizes of the pad: a half diagonal, after which an edge has left the pad in any direction
 PAD_LEFT = 1.42
 SEARCH_REACH = 1.18  # half sizes of the pad, longest way of a search towards the load
 PROBED_DEPTH = 0.9  # share of the allowed depth; the rest is reserved for the stop
@@ -66,7 +65,7 @@ class Coasting:
     def over(self, scale: PadScale, unseen: float) -> bool:
         """Return True if the edge has left the pad; images lag behind by `unseen` [m]."""
         # Coasting began one margin before the end, and the end is uncertain by one margin. After
-        # another PAD_LEFT the edge has left the pad in any direction.
+        # another half diagonal the edge has left the pad.
         return self._way - unseen >= PAD_LEFT * scale.half + 2.0 * END_MARGIN * scale.grain
 
     def move(self, motion: EdgeMotion, stand: Stand, agility: Agility, dt: float) -> Wanted:
