@@ -133,6 +133,19 @@ def test_a_short_silence_of_the_images_ends_by_itself():
     assert max(cycle.force for cycle in simulation.log) < 1.1 * FORCE
 
 
+def test_a_probe_that_is_lifted_off_in_a_hold_has_not_lost_its_contact():
+    simulation = loop_of('sphere_126')
+    simulation.run(GOAL, 20.0, until=lambda status: status.progress > 0.03)
+    simulation.sensor_alive = False
+    simulation.run(None, 2.0)
+    simulation.sensor_alive = True
+    simulation.run(None, 2.0)  # images show that nothing is touched
+    assert simulation.log[-1].force == 0.0
+    simulation.servo.pause(False, simulation.now)
+    assert simulation.run(None, 20.0).reason.code == ReasonCode.LENGTH_REACHED
+    assert simulation.servo.result().contact_kept > 0.99
+
+
 def test_a_robot_that_comes_back_elsewhere_touches_nothing_there():
     simulation = paused_at(0.03)
     begin = simulation.commands[0][1]

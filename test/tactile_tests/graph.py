@@ -107,8 +107,6 @@ class Bench:
     listener : ListenerNode
     listeners : list of ListenerNode
         Those to servos that are resumed when they hold.
-    resumed : int
-        How often `attend` has resumed one, since the machine stalled.
     """
 
     def __init__(self, graph, port, scene='straight'):
@@ -118,7 +116,6 @@ class Bench:
         self.robot: Any = None  # MockRobotNode
         self.listener = graph.add(ListenerNode)
         self.listeners = [self.listener]
-        self.resumed = 0
 
     def add_all(self, **servo):
         """Add mocks, driver, estimator and servo, this with parameters of its own."""
@@ -179,7 +176,6 @@ class Bench:
         self.wait(lambda: done() or offered(), what, seconds)
         while not done():
             for listener in offered():
-                self.resumed += 1
                 self.pause(False, listener)
                 self.wait(lambda it=listener: done() or not it.offered, 'the end of the hold')
             self.wait(lambda: done() or offered(), what, seconds)

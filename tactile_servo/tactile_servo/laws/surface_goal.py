@@ -44,7 +44,7 @@ class SurfaceResult(LawResult):
     """Measured contacts: points (N, 3) in `contour` and inward normals (N, 3)."""
 
     normals: np.ndarray | None = None
-    contact_kept: float = math.nan  # share of the images that show a contact
+    contact_kept: float = math.nan  # share of the tracking time with contact
     centre_rms: float = math.nan  # RMS distance of the contact from its wanted place [m]
 
 

@@ -120,7 +120,6 @@ class SurfaceLaw:
             return
         felt = self._sense.look(observation.image, pose)
         tracking = going.begun is not None and not going.over
-        self._record.images += tracking
         if isinstance(felt, Reason):
             going.problem = felt
             return
@@ -160,7 +159,9 @@ class SurfaceLaw:
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
         """Decide whether to continue."""
-        found = self._assess(now, progress, load)
+        record, found = self._record, self._assess(now, progress, load)
+        record.cycles += 1
+        record.touching += self._going.problem is None
         self._going.over = found.state is State.DONE
         return found
 

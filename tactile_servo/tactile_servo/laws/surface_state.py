@@ -57,8 +57,9 @@ class Record:
     probe: ProbeConfig
     points: list[np.ndarray] = field(default_factory=list)  # (3,) [m]
     normals: list[np.ndarray] = field(default_factory=list)
-    images: int = 0  # number of images
-    kept: int = 0  # images with contact
+    cycles: int = 0  # control cycles of tracking
+    touching: int = 0  # those whose newest image shows a contact
+    kept: int = 0  # recorded images with contact
     pressed: int = 0  # images with the whole print on the pad
     area: float = 0.0  # running mean of `Felt.area` [m^2]
     square: float = 0.0  # sum of the squared distances of the contact from its wanted place [m^2]
@@ -103,7 +104,7 @@ class Record:
             return SurfaceResult()
         return SurfaceResult(
             contour=np.array(self.points), normals=np.array(self.normals),
-            contact_kept=self.kept / max(self.images, 1),
+            contact_kept=self.touching / max(self.cycles, 1),
             centre_rms=math.sqrt(self.square / max(self.kept, 1)))
 
 
