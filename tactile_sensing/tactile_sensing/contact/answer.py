@@ -1,24 +1,25 @@
 """
-Compute the answer for one image from its readings; compiled.
+Compute the answers for images from their readings; compiled.
 
 Entry points take a Sensor as plain tuples, because numba determines the type of a named tuple in
 Python at each call.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.contact.beliefs import ENDS, PATCH, POWER
 from tactile_sensing.contact.hypotheses import search
 from tactile_sensing.contact.misfit import LOUD
 from tactile_sensing.contact.noise import hidden_scale, noise_of_image
 from tactile_sensing.contact.records import Readings
 from tactile_sensing.contact.refusal import BAD_FIT, has_second_hill, NO_CONTACT
-from tactile_sensing.contact.reported import grade_forces, reported
+from tactile_sensing.contact.reported import report
 from tactile_sensing.image import survey
-from tactile_sensing.skin.bumps import Pad, POINT, WIDTH
+from tactile_sensing.skin.bumps import Pad, POINT
 from tactile_sensing.types.contact import ContactType, Reason
 
 FEWEST = 6  # tactels
@@ -55,28 +56,6 @@ class Look(NamedTuple):
     type: int  # NONE or OTHER, if there is no load to fit
     reasons: int  # SATURATED, DEAD_TACTELS, and why there is no load to fit
     loaded: bool  # whether there is a load to fit
-
-
-class Answer(NamedTuple):
-    """Result of the fit of one image."""
-
-    moments: tuple  # of the main layer, see `image.moments_of`
-    type: int
-    valid: bool
-    force_valid: bool
-    reasons: int
-    kind: int  # POINT or LINE
-    power: bool  # whether a bump of free shape was fitted, without a skin
-    blunt: bool  # whether the load has a patch
-    ends: bool  # whether the line has ends
-    iterations: int
-    residual: float  # RMS of the errors [standard deviations of the noise]
-    snr: float  # dB
-    values: np.ndarray  # (7,), in the order of `types.contact.PARAMETERS`
-    covariance: np.ndarray  # (7, 7)
-    start: float  # of a line [m], as in Contact.msg
-    end: float
-    patch: float  # [m]
 
 
 def plain(sensor: Sensor) -> tuple:
@@ -128,36 +107,20 @@ def look(frame: np.ndarray, sensor: tuple, saturated: int) -> Look:
 
 
 @njit(error_model='numpy', inline='always')
-def _nothing(seen: Look, kind: int, reasons: int) -> Answer:
-    """Return the answer for an image without a fit."""
-    return Answer(seen.moments, kind, False, False, reasons, POINT, False, False, False, 0, np.nan,
-                  np.nan, np.full(7, np.nan), np.full((7, 7), np.nan), np.nan, np.nan, np.nan)
-
-
-@njit(cache=True, error_model='numpy')
-def answer(frame: np.ndarray, sensor: tuple, saturated: int, kinds: np.ndarray) -> Answer:
-    """
-    Fit a load to an image; return the load, or the reasons why there is none.
-
-    Parameters
-    ----------
-    frame, sensor, saturated
-        As for `look`.
-    kinds : ndarray of int
-        As in `hypotheses.search`.
-
-    Returns
-    -------
-    Answer
-    """
-    known = Sensor(Pad(*sensor[0]), *sensor[1:])
+def _answer(frame: np.ndarray, known: Sensor, saturated: int, kinds: np.ndarray,
+            record: Any) -> int:
+    """Write the answer for one image; return the options of the fit (see `beliefs`)."""
     pad, main, size, shape = known.pad, known.main, frame[0].size, frame.shape
     seen, top = _look(frame, known, saturated)
-    noise, reasons = seen.noise[main], seen.reasons
+    noise = seen.noise[main]
+    record.type, record.reasons = seen.type, seen.reasons
+    for k in range(6):
+        record.moments[k] = seen.moments[k]
     if not seen.loaded:
-        return _nothing(seen, seen.type, reasons)
+        return 0
     if top < noise * 10.0 ** (known.min_snr / 20.0):  # a fit cannot reach min_snr
-        return _nothing(seen, NONE, reasons | LOW_SNR)
+        record.type, record.reasons = NONE, seen.reasons | LOW_SNR
+        return 0
     readings = Readings(frame.ravel(), np.repeat(seen.noise ** 2, size),
                         np.repeat(seen.full, size), np.repeat(known.floor, size))
     for again in range(2):
@@ -172,28 +135,51 @@ def answer(frame: np.ndarray, sensor: tuple, saturated: int, kinds: np.ndarray) 
         readings.noise2[:] = quieter ** 2
     if why & BAD_FIT and has_second_hill(frame[main], noise):
         why |= TWO_CONTACTS
+    record.type, record.reasons = OTHER, seen.reasons | why
     if one.evidence == -np.inf:
-        return _nothing(seen, OTHER, reasons | why)
-    fit, beliefs, kind = one.fit, one.beliefs, OTHER
-    snr = 20.0 * math.log10(max(fit.model.max(), 1e-300) / noise)
-    if not why & ~SKIN_MISMATCH and snr < known.min_snr:
+        return 0
+    fit, beliefs = one.fit, one.beliefs
+    record.iterations = fit.iterations
+    record.snr = 20.0 * math.log10(max(fit.model.max(), 1e-300) / noise)
+    record.residual = one.residual.rms
+    if not why & ~SKIN_MISMATCH and record.snr < known.min_snr:
         why |= LOW_SNR
     if why & (NO_CONTACT | LOW_SNR):
-        kind = NONE
+        record.type = NONE
     elif not why & (BAD_FIT | TWO_CONTACTS):
-        kind = IS_POINT if beliefs.kind == POINT else IS_LINE
-    valid, patch, start, end = not why & ~SKIN_MISMATCH, np.nan, np.nan, np.nan
-    forces = valid and known.calibrated and not beliefs.power
-    values, covariance = np.full(7, np.nan), np.full((7, 7), np.nan)
-    if valid:
+        record.type = IS_POINT if beliefs.kind == POINT else IS_LINE
+    record.valid = not why & ~SKIN_MISMATCH
+    record.force_valid = record.valid and known.calibrated and not beliefs.power
+    if record.valid:
         if one.residual.silent or one.residual.loudest > 2.0 * LOUD:
             why |= DEAD_TACTELS
-        values, covariance, start, end = reported(
-            pad, beliefs.kind, fit.theta, beliefs.ends, one.covariance)
-        grade_forces(values, covariance, forces, known.force_std)
-    if forces:
-        spread = math.sqrt(fit.theta[WIDTH]) if beliefs.patch else 0.0
-        patch = pad.depths[0] * spread * (math.sqrt(5.0) if beliefs.kind == POINT else 2.0)
-    return Answer(seen.moments, kind, valid, forces, reasons | why, beliefs.kind, beliefs.power,
-                  beliefs.patch, beliefs.ends, fit.iterations, one.residual.rms, snr, values,
-                  covariance, start, end, patch)
+        report(pad, one, known.force_std, record)
+    record.reasons = seen.reasons | why
+    return POWER * beliefs.power + PATCH * beliefs.patch + ENDS * beliefs.ends
+
+
+@njit(cache=True, error_model='numpy')
+def answer(frames: np.ndarray, sensor: tuple, saturated: int, kinds: np.ndarray,
+           records: np.ndarray) -> int:
+    """
+    Fit a load to every image; write the load, or the reasons why there is none.
+
+    Parameters
+    ----------
+    frames : ndarray, shape (N, layers, rows, columns)
+    sensor, saturated
+        As for `look`.
+    kinds : ndarray of int
+        As in `hypotheses.search`.
+    records : ndarray of types.contact.RECORD, shape (N,)
+        Output: fields that are not written keep their values.
+
+    Returns
+    -------
+    int
+        Options of the last fit, see `beliefs`.
+    """
+    known, options = Sensor(Pad(*sensor[0]), *sensor[1:]), 0
+    for i in range(len(frames)):
+        options = _answer(frames[i], known, saturated, kinds, records[i])
+    return options

@@ -1,21 +1,20 @@
 """Contact estimation: the simplest load that explains a tactile image, or a refusal."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.contact.answer import Answer, answer, Look, look, plain, Sensor
+from tactile_sensing.contact.answer import answer, look, plain, Sensor
+from tactile_sensing.contact.beliefs import ENDS, PATCH, POWER
 from tactile_sensing.contact.methods import estimate_by_thesis, METHODS
-from tactile_sensing.contact.reported import grade_forces
 from tactile_sensing.skin.bumps import LINE, POINT
 from tactile_sensing.skin.pad import pad_of
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import (
-    COLUMNS,
     Contact,
     ContactType,
     PARAMETERS,
@@ -27,7 +26,6 @@ from tactile_sensing.types.moments import Moments
 
 MODELS = {'auto': (POINT, LINE), 'point': (POINT,), 'line': (LINE,)}
 TACTELS = ('point', 'area')
-WRITTEN = tuple(name for name in COLUMNS if name in Answer._fields)
 IMPOSSIBLE = 1e12  # [unit of the layer]; a larger value counts as no reading
 
 _NOTHING = np.zeros(1, RECORD)
@@ -140,50 +138,20 @@ class ContactEstimator:
             np.array([it.full_scale or np.inf for it in layers]),
             np.array([it.floor or -np.inf for it in layers]), float(known.gain_spread),
             known.unit == 'Pa', float(known.force_std), float(config.min_snr)))
-        records, model = _NOTHING.repeat(len(stress)), ''
         stress[~(np.abs(stress) < IMPOSSIBLE)] = np.nan
-        kinds = np.array(MODELS[config.model])
-        for frame, record in zip(stress, records, strict=True):
-            if config.method == 'fit':
-                found = answer(frame, sensor, saturated, kinds)
-                write(found, record)
-                model = name_of(found, layers) if found.valid else ''
-            else:
-                model = self._by_thesis(frame, array, layers, look(frame, sensor, saturated),
-                                        record)
+        records, model = _NOTHING.repeat(len(stress)), ''
+        if config.method == 'fit':
+            options = answer(stress, sensor, saturated, np.array(MODELS[config.model]), records)
+            if len(records) and records['valid'][-1]:
+                model = name_of(int(records['type'][-1]), options, layers)
+        else:
+            for frame, record in zip(stress, records, strict=True):
+                model = estimate_by_thesis(
+                    frame, array, layers, look(frame, sensor, saturated), config, record)
         records['reasons'] |= int(Reason.UNCALIBRATED * (known.unit != 'Pa')
                                   | Reason.NOT_TARED * (not tared))
         records['moments'] *= array.pitch_x * array.pitch_y
         return records, model
-
-    def _by_thesis(self, frame: np.ndarray, array: TactelArray, layers: Sequence[Layer],
-                   seen: Look, record: np.void) -> str:
-        """Write the record of one frame by a method of the thesis; return the model's name."""
-        record['moments'], record['type'] = seen.moments, seen.type
-        record['reasons'] = seen.reasons
-        if not seen.loaded:
-            return ''
-        frame = np.where(frame >= [[[layer.full_scale or np.inf]] for layer in layers], np.nan,
-                         frame)
-        known = [replace(layer, noise_std=std)
-                 for layer, std in zip(layers, seen.noise, strict=True)]
-        contact = estimate_by_thesis(self.config.method, frame, array, known, self.config)
-        for name in COLUMNS:
-            if name != 'moments':
-                record[name] = getattr(contact, name)
-        main = next(layer for layer in layers if layer.component == 'zz')
-        record['reasons'] |= seen.reasons
-        record['force_valid'] = contact.valid and main.unit == 'Pa'
-        values = np.array([record[name] for name in PARAMETERS])
-        if not contact.valid:
-            values[:], record['covariance'] = np.nan, np.nan
-        grade_forces(values, record['covariance'], bool(record['force_valid']),
-                     float(main.force_std))
-        for name, value in zip(PARAMETERS, values, strict=True):
-            record[name] = value
-        if not record['force_valid']:
-            record['patch'] = np.nan
-        return contact.model
 
 
 def check_layer(layer: Layer) -> None:
@@ -197,17 +165,10 @@ def check_layer(layer: Layer) -> None:
             f'gain_spread {layer.gain_spread!r}, force_std {layer.force_std!r}: no such skin')
 
 
-def write(found: Answer, record: np.void) -> None:
-    """Copy an answer into a record."""
-    for name in WRITTEN:
-        record[name] = getattr(found, name)
-    for name, value in zip(PARAMETERS, found.values.tolist(), strict=True):
-        record[name] = value
-
-
-def name_of(found: Answer, layers: Sequence[Layer]) -> str:
-    """Return the name of the fitted model, e.g. 'line+width/zz'."""
-    point = found.kind == POINT
+def name_of(kind: int, options: int, layers: Sequence[Layer]) -> str:
+    """Return the name of a fitted model, e.g. 'line+width/zz'; `options` as in `beliefs`."""
+    point = kind == ContactType.POINT
     components = '+'.join(it.component for it in layers if point or it.component == 'zz')
-    return ('point' if point else 'line') + '+width' * found.power + (
-        '+patch' * found.blunt + '+ends' * found.ends + f'/{components}')
+    return ('point' if point else 'line') + ''.join(
+        f'+{name}' for name, bit in (('width', POWER), ('patch', PATCH), ('ends', ENDS))
+        if options & bit) + f'/{components}'

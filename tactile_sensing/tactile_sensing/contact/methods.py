@@ -7,16 +7,13 @@ from typing import Any
 import numpy as np
 
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import Contact
 
 # All but 'fit' are closed forms of the thesis; their module is loaded when one is chosen.
 METHODS = ('fit', 'compensated', 'moments')
 
 
-def estimate_by_thesis(method: str, frame: np.ndarray, array: TactelArray, layers: Sequence[Any],
-                       config: Any) -> Contact:
-    """Estimate the contact of a frame by a method of the thesis (`closed_forms`)."""
+def estimate_by_thesis(frame: np.ndarray, array: TactelArray, layers: Sequence[Any], seen: Any,
+                       config: Any, record: np.void) -> str:
+    """Write the record of a frame by a method of the thesis, see `closed_forms.write_record`."""
     module = import_module('tactile_sensing.thesis.closed_forms')
-    return module.estimate_by_moments(
-        frame, array, layers, method=method, model=config.model,
-        averaging=config.tactel == 'area', min_snr=config.min_snr)
+    return module.write_record(frame, array, layers, seen, config, record)

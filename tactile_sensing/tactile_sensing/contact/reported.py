@@ -1,10 +1,12 @@
 """Convert a fitted load to the parameters of a contact and their covariance; compiled."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.contact.records import Hypothesis
 from tactile_sensing.skin.bumps import (
     BEGIN,
     chord,
@@ -17,6 +19,7 @@ from tactile_sensing.skin.bumps import (
     Q1,
     SHEAR_U,
     SHEAR_V,
+    WIDTH,
 )
 from tactile_sensing.types.contact import ROW
 
@@ -72,54 +75,31 @@ def _write_line(pad: Pad, theta: np.ndarray, ends: bool, values: np.ndarray,
 
 
 @njit(error_model='numpy')
-def reported(pad: Pad, kind: int, theta: np.ndarray, ends: bool,
-             covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, float]:
+def report(pad: Pad, one: Hypothesis, force_std: float, record: Any) -> None:
     """
-    Return the parameters of a contact.
+    Write the parameters of a valid contact and their covariance to a record.
 
-    Parameters
-    ----------
-    pad, kind, theta
-        As for `bumps.add_rows`.
-    ends : bool
-        Whether a line begins and ends.
-    covariance : ndarray, shape (parameters, parameters)
-        Covariance of theta.
-
-    Returns
-    -------
-    values : ndarray, shape (7,)
-        In the order of `types.contact.PARAMETERS`; NaN: the kind has no such parameter.
-    covariance : ndarray, shape (7, 7)
-    start, end : float
-        As in Contact.msg.
+    The forces are written only if they are valid. `force_std` is the relative standard deviation
+    that all of them have in common.
     """
+    theta, beliefs = one.fit.theta, one.beliefs
     values, change = np.full(7, np.nan), np.zeros((7, theta.size))
-    start = end = np.nan
-    if kind == POINT:
+    if beliefs.kind == POINT:
         _write_point(theta, values, change)
     else:
-        start, end = _write_line(pad, theta, ends, values, change)
-    out = change @ covariance @ change.T
+        record.start, record.end = _write_line(pad, theta, beliefs.ends, values, change)
+    covariance = change @ one.covariance @ change.T
     for i in range(7):
-        if np.isnan(values[i]):
-            out[i], out[:, i] = np.nan, np.nan
-    return values, out, start, end
-
-
-@njit(cache=True, error_model='numpy')
-def grade_forces(values: np.ndarray, covariance: np.ndarray, valid: bool, std: float) -> None:
-    """
-    Set invalid forces to NaN; increase the covariance of valid ones by their common error.
-
-    `values` (7,) and `covariance` (7, 7) are modified. `std` is the relative standard deviation
-    that all forces have in common.
-    """
-    for i in range(NORMAL, PER_LENGTH + 1):
         for j in range(7):
-            if not valid:
-                covariance[i, j] = covariance[j, i] = np.nan
-            elif j >= NORMAL:
-                covariance[i, j] += std * std * values[i] * values[j]
-    if not valid:
-        values[NORMAL:] = np.nan
+            if i >= NORMAL and j >= NORMAL:
+                covariance[i, j] += force_std**2 * values[i] * values[j]
+            known = record.force_valid or max(i, j) < NORMAL
+            if known and not np.isnan(values[i] + values[j]):
+                record.covariance[i, j] = covariance[i, j]
+    record.x, record.y, record.yaw = values[X], values[Y], values[YAW]
+    if record.force_valid:
+        record.normal_force, record.line_force = values[NORMAL], values[PER_LENGTH]
+        record.shear_force_x, record.shear_force_y = values[SHEAR_X], values[SHEAR_Y]
+        spread = math.sqrt(theta[WIDTH]) if beliefs.patch else 0.0
+        width = math.sqrt(5.0) if beliefs.kind == POINT else 2.0
+        record.patch = pad.depths[0] * spread * width

@@ -1,6 +1,7 @@
 """Estimate a contact by the closed forms of the thesis, for comparison (2.3, 2.4, 3.3)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 import math
 from typing import Any
 
@@ -13,7 +14,15 @@ from tactile_sensing.thesis.line import chord_length, pressure
 from tactile_sensing.thesis.line_moments import line_from_moments
 from tactile_sensing.thesis.point_moments import basic, form_of, MomentFlag
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.contact import (
+    COLUMNS,
+    Contact,
+    ContactType,
+    FORCES,
+    PARAMETERS,
+    Reason,
+)
+from tactile_sensing.types.image import Layer
 from tactile_sensing.types.moments import Moments
 from tactile_sensing.types.skin import Skin
 
@@ -21,6 +30,33 @@ MIN_ELONGATION = 3.0  # smallest ratio of the second moments of an edge
 THRESHOLD_STD = 4.0  # a line's tactels below this count as zero, (3.5) [standard deviations]
 # Largest share of the energy that a contact may leave unexplained: the closed forms are biased.
 UNEXPLAINED = 0.5
+
+
+def write_record(frame: np.ndarray, array: TactelArray, layers: Sequence[Layer], seen: Any,
+                 config: Any, record: np.void) -> str:
+    """
+    Write the record of a frame, with what its `contact.answer.Look` shows; return the model.
+
+    `config` is an EstimatorConfig, `record` one of types.contact.RECORD.
+    """
+    record['moments'], record['type'] = seen.moments, seen.type
+    record['reasons'] = seen.reasons
+    if not seen.loaded:
+        return ''
+    full = np.reshape([layer.full_scale or np.inf for layer in layers], (-1, 1, 1))
+    known = [replace(layer, noise_std=std) for layer, std in zip(layers, seen.noise, strict=True)]
+    contact = estimate_by_moments(
+        np.where(frame >= full, np.nan, frame), array, known, method=config.method,
+        model=config.model, averaging=config.tactel == 'area', min_snr=config.min_snr)
+    main = next(layer for layer in layers if layer.component == 'zz')
+    contact.reasons |= Reason(seen.reasons)
+    contact.force_valid = contact.valid and main.unit == 'Pa'
+    unknown = {*PARAMETERS} if not contact.valid else {
+        *FORCES} if not contact.force_valid else set()
+    for name in COLUMNS:
+        if name != 'moments':
+            record[name] = np.nan if name in unknown else getattr(contact, name)
+    return contact.model
 
 
 def estimate_by_moments(frame: np.ndarray, array: TactelArray, layers: Sequence[Any], *,
