@@ -21,7 +21,7 @@ SOUND = {
     'tactile_sensing/tactile_sensing/nodes/driver.py':
         'from tactile_sensing.conversions import f\nfrom tactile_common.ros.runner import run',
     'tactile_sensing/tactile_sensing/thesis/moments.py': 'from tactile_sensing.image import x',
-    'tactile_sensing/tactile_sensing/contact/methods.py':
+    'tactile_sensing/tactile_sensing/contact/estimator.py':
         "def f():\n    import_module('tactile_sensing.thesis.moments')",
     'tactile_sensing/test/test_image.py': 'import pytest\nfrom tactile_sensing.image import x',
     'tactile_servo/.xml': 'tactile_sensing',

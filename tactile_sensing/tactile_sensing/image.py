@@ -1,7 +1,7 @@
 """Properties of a pressure image that need no model."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -39,39 +39,3 @@ def image_moments(
                       threshold if threshold > 0.0 else -math.inf)
     cell = array.pitch_x * array.pitch_y
     return Moments(*(cell * value for value in sums))
-
-
-class Survey(NamedTuple):
-    """Properties of an image that need no fit."""
-
-    moments: tuple  # of the main layer, see `moments_of`
-    top: float  # highest pressure of the main layer
-    total: float  # sum of its readings
-    live: int  # number of its tactels with a reading
-    highest: int  # number of its tactels with the highest pressure
-    clipped: int  # number of tactels at or above full scale, in all layers
-    missing: int  # number of tactels without a reading, in all layers
-
-
-@njit(cache=True, error_model='numpy')
-def survey(frame: Any, main: int, full: Any, pad: Any) -> Survey:
-    """
-    Examine an image before anything is fitted.
-
-    A tactel of the frame (layers, rows, columns) without a reading is NaN. `main` is the index of
-    the pressure layer, `full` (layers,) the full scales; infinite: none.
-    """
-    top, total, live, highest, clipped, missing = -np.inf, 0.0, 0, 0, 0, 0
-    for k in range(frame.shape[0]):
-        for value in frame[k].flat:
-            if np.isnan(value):
-                missing += 1
-                continue
-            clipped += value >= full[k]
-            if k == main:
-                total, live = total + value, live + 1
-                if value > top:
-                    top, highest = value, 0
-                highest += value == top
-    return Survey(moments_of(frame[main], pad.x, pad.y, -np.inf), top, total, live, highest,
-                  clipped, missing)

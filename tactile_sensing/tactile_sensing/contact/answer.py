@@ -1,8 +1,8 @@
 """
 Compute the answers for images from their readings; compiled.
 
-Entry points take a Sensor as plain tuples, because numba determines the type of a named tuple in
-Python at each call.
+The entry point takes a Sensor as plain tuples, because numba determines the type of a named tuple
+in Python at each call.
 """
 
 import math
@@ -18,13 +18,14 @@ from tactile_sensing.contact.noise import hidden_scale, noise_of_image
 from tactile_sensing.contact.records import Readings
 from tactile_sensing.contact.refusal import BAD_FIT, has_second_hill, NO_CONTACT
 from tactile_sensing.contact.reported import report
-from tactile_sensing.image import survey
+from tactile_sensing.image import moments_of
 from tactile_sensing.skin.bumps import Pad, POINT
 from tactile_sensing.types.contact import ContactType, Reason
 
 FEWEST = 6  # tactels
 CUT_OFF = 4  # this number of equal highest readings may be saturated
 DETECTION = 5.0  # standard deviations
+MIN_SNR = 16.0  # a weaker load is not valid: its kind is uncertain [dB]
 QUIETER = 0.9  # fit again if the residual noise is below this share of the assumed noise
 LOW_SNR, DEAD_TACTELS = int(Reason.LOW_SNR), int(Reason.DEAD_TACTELS)
 FEW_TACTELS, SATURATED = int(Reason.FEW_TACTELS), int(Reason.SATURATED)
@@ -44,18 +45,6 @@ class Sensor(NamedTuple):
     scatter: float  # relative standard deviation of the gains; 0: unknown
     calibrated: bool  # whether readings are pressures
     force_std: float  # relative standard deviation that all forces have in common
-    min_snr: float  # a weaker load is not valid [dB]
-
-
-class Look(NamedTuple):
-    """Properties of an image that need no fit."""
-
-    moments: tuple  # of the main layer, see `image.moments_of`
-    noise: np.ndarray  # (L,)
-    full: np.ndarray  # (L,)
-    type: int  # NONE or OTHER, if there is no load to fit
-    reasons: int  # SATURATED, DEAD_TACTELS, and why there is no load to fit
-    loaded: bool  # whether there is a load to fit
 
 
 def plain(sensor: Sensor) -> tuple:
@@ -64,46 +53,36 @@ def plain(sensor: Sensor) -> tuple:
 
 
 @njit(error_model='numpy')
-def _look(frame: np.ndarray, sensor: Sensor, saturated: int) -> tuple[Look, float]:
-    """Return the result of `look`, and the highest reading of the main layer."""
-    main, full, noise = sensor.main, sensor.full.copy(), sensor.noise.copy()
-    seen = survey(frame, main, full, sensor.pad)
+def _examine(frame: np.ndarray, known: Sensor, saturated: int, noise: np.ndarray,
+             full: np.ndarray, record: Any) -> float:
+    """
+    Write the fields that need no fit; return the highest reading, or 0 without a load to fit.
+
+    Unknown values of `noise` and `full` (layers,) are replaced by those that the image shows.
+    """
+    main, pad, clipped, missing = known.main, known.pad, saturated, 0
     for k in range(noise.size):
         if not noise[k] > 0.0:
             noise[k] = noise_of_image(frame[k], True)
-    clipped = seen.clipped + saturated
-    if full[main] == np.inf and CUT_OFF <= seen.highest <= 0.25 * frame[main].size:
+        for value in frame[k].flat:
+            missing += np.isnan(value)
+            clipped += value >= full[k]
+    moments = moments_of(frame[main], pad.x, pad.y, -np.inf)
+    for k in range(6):
+        record.moments[k] = moments[k]
+    top, live = np.nanmax(frame[main]), np.isfinite(frame[main]).sum()
+    highest = (frame[main] == top).sum()
+    if full[main] == np.inf and CUT_OFF <= highest <= 0.25 * frame[main].size:
         full[main] = hidden_scale(frame[main], noise[main])
-        clipped += seen.highest * (full[main] < np.inf)
-    why, kind = 0, OTHER if clipped > 0 else NONE
-    if seen.live < FEWEST:
+        clipped += highest * (full[main] < np.inf)
+    record.type = OTHER if clipped > 0 else NONE
+    why = 0
+    if live < FEWEST:
         why = FEW_TACTELS
-    elif seen.top < DETECTION * noise[main] and (
-            seen.total < DETECTION * noise[main] * math.sqrt(seen.live)):
+    elif top < DETECTION * noise[main] and moments[0] < DETECTION * noise[main] * math.sqrt(live):
         why = BAD_FIT if clipped > 0 else NO_CONTACT
-    return Look(seen.moments, noise, full, kind, why | SATURATED * (clipped > 0) | DEAD_TACTELS * (
-        seen.missing > saturated), why == 0), seen.top
-
-
-@njit(cache=True, error_model='numpy')
-def look(frame: np.ndarray, sensor: tuple, saturated: int) -> Look:
-    """
-    Examine an image before anything is fitted.
-
-    Parameters
-    ----------
-    frame : ndarray, shape (layers, rows, columns)
-        Readings; NaN: no reading.
-    sensor : tuple
-        Result of `plain`.
-    saturated : int
-        Number of tactels that are NaN because they are at full scale.
-
-    Returns
-    -------
-    Look
-    """
-    return _look(frame, Sensor(Pad(*sensor[0]), *sensor[1:]), saturated)[0]
+    record.reasons = why | SATURATED * (clipped > 0) | DEAD_TACTELS * (missing > saturated)
+    return 0.0 if why else top
 
 
 @njit(error_model='numpy', inline='always')
@@ -111,18 +90,16 @@ def _answer(frame: np.ndarray, known: Sensor, saturated: int, kinds: np.ndarray,
             record: Any) -> int:
     """Write the answer for one image; return the options of the fit (see `beliefs`)."""
     pad, main, size, shape = known.pad, known.main, frame[0].size, frame.shape
-    seen, top = _look(frame, known, saturated)
-    noise = seen.noise[main]
-    record.type, record.reasons = seen.type, seen.reasons
-    for k in range(6):
-        record.moments[k] = seen.moments[k]
-    if not seen.loaded:
+    noises, full = known.noise.copy(), known.full.copy()
+    top = _examine(frame, known, saturated, noises, full, record)
+    noise, seen = noises[main], record.reasons
+    if top == 0.0 or kinds.size == 0:
         return 0
-    if top < noise * 10.0 ** (known.min_snr / 20.0):  # a fit cannot reach min_snr
-        record.type, record.reasons = NONE, seen.reasons | LOW_SNR
+    if top < noise * 10.0 ** (MIN_SNR / 20.0):  # a fit cannot reach it
+        record.type, record.reasons = NONE, seen | LOW_SNR
         return 0
-    readings = Readings(frame.ravel(), np.repeat(seen.noise ** 2, size),
-                        np.repeat(seen.full, size), np.repeat(known.floor, size))
+    readings = Readings(frame.ravel(), np.repeat(noises ** 2, size), np.repeat(full, size),
+                        np.repeat(known.floor, size))
     for again in range(2):
         one, why = search(pad, readings, known.scatter, kinds)
         if again or one.evidence == -np.inf or known.noise[main] > 0.0:
@@ -135,14 +112,14 @@ def _answer(frame: np.ndarray, known: Sensor, saturated: int, kinds: np.ndarray,
         readings.noise2[:] = quieter ** 2
     if why & BAD_FIT and has_second_hill(frame[main], noise):
         why |= TWO_CONTACTS
-    record.type, record.reasons = OTHER, seen.reasons | why
+    record.type, record.reasons = OTHER, seen | why
     if one.evidence == -np.inf:
         return 0
     fit, beliefs = one.fit, one.beliefs
     record.iterations = fit.iterations
     record.snr = 20.0 * math.log10(max(fit.model.max(), 1e-300) / noise)
     record.residual = one.residual.rms
-    if not why & ~SKIN_MISMATCH and record.snr < known.min_snr:
+    if not why & ~SKIN_MISMATCH and record.snr < MIN_SNR:
         why |= LOW_SNR
     if why & (NO_CONTACT | LOW_SNR):
         record.type = NONE
@@ -154,7 +131,7 @@ def _answer(frame: np.ndarray, known: Sensor, saturated: int, kinds: np.ndarray,
         if one.residual.silent or one.residual.loudest > 2.0 * LOUD:
             why |= DEAD_TACTELS
         report(pad, one, known.force_std, record)
-    record.reasons = seen.reasons | why
+    record.reasons = seen | why
     return POWER * beliefs.power + PATCH * beliefs.patch + ENDS * beliefs.ends
 
 
@@ -167,10 +144,13 @@ def answer(frames: np.ndarray, sensor: tuple, saturated: int, kinds: np.ndarray,
     Parameters
     ----------
     frames : ndarray, shape (N, layers, rows, columns)
-    sensor, saturated
-        As for `look`.
+        Readings; NaN: no reading.
+    sensor : tuple
+        Result of `plain`.
+    saturated : int
+        Number of tactels that are NaN because they are at full scale.
     kinds : ndarray of int
-        As in `hypotheses.search`.
+        As in `hypotheses.search`; empty: nothing is fitted.
     records : ndarray of types.contact.RECORD, shape (N,)
         Output: fields that are not written keep their values.
 

@@ -2,15 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.contact.answer import answer, look, plain, Sensor
+from tactile_sensing.contact.answer import answer, plain, Sensor
 from tactile_sensing.contact.beliefs import ENDS, PATCH, POWER
-from tactile_sensing.contact.methods import estimate_by_thesis, METHODS
 from tactile_sensing.skin.bumps import LINE, POINT
 from tactile_sensing.skin.pad import pad_of
 from tactile_sensing.types.array import TactelArray
@@ -24,6 +24,8 @@ from tactile_sensing.types.contact import (
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_sensing.types.moments import Moments
 
+# All but 'fit' are closed forms of the thesis; their module is loaded when one is chosen.
+METHODS = ('fit', 'compensated', 'moments')
 MODELS = {'auto': (POINT, LINE), 'point': (POINT,), 'line': (LINE,)}
 TACTELS = ('point', 'area')
 IMPOSSIBLE = 1e12  # [unit of the layer]; a larger value counts as no reading
@@ -49,8 +51,6 @@ class EstimatorConfig:
     noise_std: float = bounded(
         0.0, 'standard deviation of one tactel; 0 = as the image says, or as its finest detail '
         'shows', 'Pa', 0.0, 1e9)
-    min_snr: float = bounded(
-        16.0, 'weaker contacts are reported but not valid', 'dB', 0.0, 100.0)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -137,17 +137,18 @@ class ContactEstimator:
             pad, main, np.array([max(config.noise_std or it.noise_std, 0.0) for it in layers]),
             np.array([it.full_scale or np.inf for it in layers]),
             np.array([it.floor or -np.inf for it in layers]), float(known.gain_spread),
-            known.unit == 'Pa', float(known.force_std), float(config.min_snr)))
+            known.unit == 'Pa', float(known.force_std)))
         stress[~(np.abs(stress) < IMPOSSIBLE)] = np.nan
         records, model = _NOTHING.repeat(len(stress)), ''
-        if config.method == 'fit':
-            options = answer(stress, sensor, saturated, np.array(MODELS[config.model]), records)
-            if len(records) and records['valid'][-1]:
-                model = name_of(int(records['type'][-1]), options, layers)
-        else:
+        fits = config.method == 'fit'
+        kinds = np.array(MODELS[config.model] if fits else (), np.int64)
+        options = answer(stress, sensor, saturated, kinds, records)
+        if not fits:
+            thesis = import_module('tactile_sensing.thesis.closed_forms')
             for frame, record in zip(stress, records, strict=True):
-                model = estimate_by_thesis(
-                    frame, array, layers, look(frame, sensor, saturated), config, record)
+                model = thesis.write_record(frame, array, layers, config, record)
+        elif records['valid'][-1:].any():
+            model = name_of(int(records['type'][-1]), options, layers)
         records['reasons'] |= int(Reason.UNCALIBRATED * (known.unit != 'Pa')
                                   | Reason.NOT_TARED * (not tared))
         records['moments'] *= array.pitch_x * array.pitch_y

@@ -15,7 +15,7 @@ COARSE = 30  # with fewer steps of the converter up to the peak, rounding explai
 LOADED, FINEST = 0.1, 1e-6  # shares of the peak: tactels that count; resolution of readings
 
 
-@njit(error_model='numpy')
+@njit(cache=True, error_model='numpy')
 def noise_of_image(image: np.ndarray, smooth: bool) -> float:
     """
     Estimate the noise of one tactel from second differences of three tactels in line.
