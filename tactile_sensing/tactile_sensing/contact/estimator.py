@@ -1,7 +1,7 @@
 """Contact estimation: the simplest load that explains a tactile image, or a refusal."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
@@ -9,8 +9,9 @@ import numpy as np
 
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.contact.answer import answer, plain, Sensor
+from tactile_sensing.contact.answer import answer, MIN_SNR, plain, Sensor
 from tactile_sensing.contact.beliefs import ENDS, PATCH, POWER
+from tactile_sensing.contact.noise import noise_of_image
 from tactile_sensing.skin.bumps import LINE, POINT
 from tactile_sensing.skin.pad import pad_of
 from tactile_sensing.types.array import TactelArray
@@ -133,8 +134,9 @@ class ContactEstimator:
             area=config.tactel == 'area', thickness=float(layers[main].thickness),
             poisson=float(layers[main].poisson))
         known = layers[main]
+        noises = np.array([max(config.noise_std or it.noise_std, 0.0) for it in layers])
         sensor = plain(Sensor(
-            pad, main, np.array([max(config.noise_std or it.noise_std, 0.0) for it in layers]),
+            pad, main, noises,
             np.array([it.full_scale or np.inf for it in layers]),
             np.array([it.floor or -np.inf for it in layers]), float(known.gain_spread),
             known.unit == 'Pa', float(known.force_std)))
@@ -146,7 +148,10 @@ class ContactEstimator:
         if not fits:
             thesis = import_module('tactile_sensing.thesis.closed_forms')
             for frame, record in zip(stress, records, strict=True):
-                model = thesis.write_record(frame, array, layers, config, record)
+                noisy = [replace(layer, noise_std=noise if noise > 0.0 else noise_of_image(
+                    image, True)) for layer, image, noise in zip(
+                        layers, frame, noises, strict=True)]
+                model = thesis.write_record(frame, array, noisy, config, MIN_SNR, record)
         elif records['valid'][-1:].any():
             model = name_of(int(records['type'][-1]), options, layers)
         records['reasons'] |= int(Reason.UNCALIBRATED * (known.unit != 'Pa')

@@ -1,14 +1,11 @@
 """Estimate a contact by the closed forms of the thesis, for comparison (2.3, 2.4, 3.3)."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 import math
 from typing import Any
 
 import numpy as np
 
-from tactile_sensing.contact.answer import MIN_SNR
-from tactile_sensing.contact.noise import noise_of_image
 from tactile_sensing.image import image_moments
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.thesis.compensation import compensated
@@ -35,22 +32,20 @@ UNEXPLAINED = 0.5
 
 
 def write_record(frame: np.ndarray, array: TactelArray, layers: Sequence[Layer], config: Any,
-                 record: np.void) -> str:
+                 min_snr: float, record: np.void) -> str:
     """
     Write the record of a frame, to which `contact.answer` has written what needs no fit.
 
-    `config` is an EstimatorConfig. Returns the name of the model.
+    The layers have their noise; `config` is an EstimatorConfig. Contacts below `min_snr` [dB]
+    are refused. Returns the name of the model.
     """
     seen = Reason(int(record['reasons']))
     if seen & (Reason.FEW_TACTELS | Reason.BAD_FIT | Reason.NO_CONTACT):
         return ''
     full = np.reshape([layer.full_scale or np.inf for layer in layers], (-1, 1, 1))
-    known = [replace(layer, noise_std=(
-        config.noise_std or layer.noise_std or noise_of_image(image, True)))
-        for layer, image in zip(layers, frame, strict=True)]
     contact = estimate_by_moments(
-        np.where(frame >= full, np.nan, frame), array, known, method=config.method,
-        model=config.model, averaging=config.tactel == 'area')
+        np.where(frame >= full, np.nan, frame), array, layers, method=config.method,
+        model=config.model, averaging=config.tactel == 'area', min_snr=min_snr)
     main = next(layer for layer in layers if layer.component == 'zz')
     contact.reasons |= seen
     contact.force_valid = contact.valid and main.unit == 'Pa'
@@ -63,7 +58,7 @@ def write_record(frame: np.ndarray, array: TactelArray, layers: Sequence[Layer],
 
 
 def estimate_by_moments(frame: np.ndarray, array: TactelArray, layers: Sequence[Any], *,
-                        method: str, model: str, averaging: bool) -> Contact:
+                        method: str, model: str, averaging: bool, min_snr: float) -> Contact:
     """
     Estimate the contact of a frame by closed forms, without covariance: bias is most of the error.
 
@@ -80,6 +75,8 @@ def estimate_by_moments(frame: np.ndarray, array: TactelArray, layers: Sequence[
         'point', 'line', or 'auto' to decide by the elongation.
     averaging : bool
         Whether a tactel measures the mean over its area.
+    min_snr : float
+        Weaker contacts are refused [dB].
 
     Returns
     -------
@@ -95,13 +92,13 @@ def estimate_by_moments(frame: np.ndarray, array: TactelArray, layers: Sequence[
     else:
         expected = _point(contact, frame, layers, array, averaging)
     if expected is not None:
-        _judge(contact, image, expected, noise, array)
+        _judge(contact, image, expected, noise, array, min_snr)
     contact.valid = contact.force_valid = not contact.reasons
     return contact
 
 
 def _judge(contact: Contact, image: np.ndarray, expected: np.ndarray, noise: float,
-           array: TactelArray) -> None:
+           array: TactelArray, min_snr: float) -> None:
     """Refuse a contact that is too weak, off the pad or does not explain the image."""
     squared = np.nansum((image - expected)**2)
     top = expected.max()
@@ -111,7 +108,7 @@ def _judge(contact: Contact, image: np.ndarray, expected: np.ndarray, noise: flo
     contact.snr = 20.0 * math.log10(top / noise)
     used = np.count_nonzero(np.isfinite(image))
     contact.residual = math.sqrt(squared / max(used - 5, 1)) / noise
-    if contact.snr < MIN_SNR:
+    if contact.snr < min_snr:
         contact.type, contact.reasons = ContactType.NONE, Reason.LOW_SNR
     elif not squared <= UNEXPLAINED * np.nansum(image**2):
         contact.type, contact.reasons = ContactType.OTHER, Reason.BAD_FIT
