@@ -23,8 +23,9 @@ LONG = bool(os.environ.get('TACTILE_LONG_TESTS'))
 WHOLE = (ROOT / 'test', ROOT / 'launch/test')  # tests of processes and of the whole system
 # Tests in WHOLE that start no processes and measure no times.
 BESIDE = {f'test_{name}.py' for name in (
-    'cdr', 'docs', 'executables', 'golden_bags', 'hostile_files', 'import_contracts',
-    'matrix_fit', 'mistakes', 'package_files', 'parameter_file', 'public_names', 'read_run',
+    'cdr', 'demo_recording', 'docs', 'executables', 'golden_bags', 'hostile_files',
+    'import_contracts', 'matrix_fit', 'mistakes', 'package_files', 'parameter_file',
+    'public_names', 'read_run',
     'real_skin', 'recording_summary', 'replay_command', 'report', 'sensor_arguments', 'summary',
     'surface_summary', 'urdf')}
 

@@ -1,4 +1,4 @@
-"""The demo with recordings: what the mock sensor sends is what the driver awaits."""
+"""The demo with recordings of a real array: counts, volts and offsets."""
 import json
 
 import numpy as np
@@ -46,7 +46,6 @@ def check(summary):
         assert abs(x - X) < 1e-3 and abs(y - Y) < 1e-3
 
 
-@pytest.mark.graph
 def test_ten_bits_by_a_calibration(capfd):
     frames = np.rint(BASELINE + pressed(600.0)).astype(np.uint16)
     summary = play(capfd, frames, *calibration())
@@ -54,13 +53,11 @@ def test_ten_bits_by_a_calibration(capfd):
     assert summary['force_unit'] == 'N'
 
 
-@pytest.mark.graph
 def test_volts_by_a_calibration(capfd):
     frames = (BASELINE + pressed(600.0)) * 0.005
     check(play(capfd, frames, *calibration(resolution=0.005)))
 
 
-@pytest.mark.graph
 @pytest.mark.parametrize('frames', [
     pressed(0.8), np.maximum(np.rint(pressed(4000.0)), 0.0).astype(np.uint16)],
     ids=['tared volts', 'twelve bits from zero'])
@@ -80,7 +77,6 @@ def test_an_offset_without_a_calibration_is_refused(capfd, tmp_path, frames):
     assert not (tmp_path / 'result').exists()
 
 
-@pytest.mark.graph
 def test_a_load_that_is_held_is_no_offset(capfd):
     x = ARRAY.x[None, None, :] - X
     edge = np.tile(800.0 / (1.0 + (x / 0.002)**2)**2, (30, ARRAY.rows, 1))
@@ -88,7 +84,6 @@ def test_a_load_that_is_held_is_no_offset(capfd):
     assert summary['frames'] == 30
 
 
-@pytest.mark.graph
 def test_a_baseline_of_another_pad_is_told(capfd):
     frames = np.rint(BASELINE + pressed(600.0)).astype(np.uint16)
     np.savez('in.npz', frames=frames, rate_hz=60.0)

@@ -23,7 +23,6 @@ from tactile_tests.graph import bench  # noqa: E402, I100
 NAMED = {'sensor', 'port', 'calibration', 'scene', 'law', 'speed', 'force', 'robot_description',
          'controller', 'use_sim_time', 'use_rviz', 'use_respawn', 'log_level', 'params_file',
          'namespace', 'robot_namespace', 'topic', 'options', 'view'}
-FORMER = {'parameters', 'rviz', 'tracker'}
 
 
 def launch(*arguments, **environment):
@@ -39,7 +38,7 @@ def test_every_argument_has_a_description_and_a_default():
     description = get_launch_description_from_python_launch_file(str(launching.LAUNCH_FILE))
     declared = [entity for entity in description.entities
                 if isinstance(entity, DeclareLaunchArgument)]
-    assert {argument.name for argument in declared} >= NAMED | FORMER
+    assert {argument.name for argument in declared} >= NAMED
     for argument in declared:
         assert argument.description and argument.description != 'no description given'
         assert argument.default_value is not None
@@ -67,11 +66,9 @@ def test_the_lines_of_the_pages_have_arguments_that_there_are():
     ('speed:=fast', 'speed:=fast is not a number'),
     ('sensor:=other', "Valid options are: ['mock', 'flexitac', 'csv_lines', 'vitac', "),
     ('sensor:=topic', 'sensor:=topic needs its topic, for instance topic:=/my_sensor/image'),
-    ('tracker:=other', 'tracker:=other is none of trace, resolved_rate'),
     ('law:=tactile_jacobian', "law: 'tactile_jacobian' works on goals of track_surface; what is "
      'to be touched here asks for track_edge'),
     ('params_file:=nowhere.yaml', 'parameter file nowhere.yaml: cannot be read: No such'),
-    ('parameters:=nowhere.yaml', 'parameter file nowhere.yaml: cannot be read: No such'),
     ('robot_description:=<robot', 'robot description: malformed XML'),
     ('calibration:=nowhere.yaml', 'calibration nowhere.yaml: cannot be read: No such'),
 ])

@@ -46,7 +46,7 @@ def test_every_node_may_die_where_it_is_started_again_and_a_goal_is_met_then():
         end, client = time.monotonic() + DEADLINE, None
         while client is None or (client.reason_code in BEFORE_ALL_IS_KNOWN
                                  and time.monotonic() < end):
-            client = graph.track(length=0.01, wait=DEADLINE, silence=DEADLINE)
+            client = graph.track(length=0.01, wait=DEADLINE)
         assert client.success, client.reason
         it.interrupt()
         assert it.end() == 0

@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from edge_tracking import demo, graph, parameters
+from edge_tracking import composed, demo, parameters
 from edge_tracking.report import command as report
 from tactile_common.command_line import REFUSED
 from tactile_sensing.cli import estimate
@@ -34,10 +34,9 @@ MISTAKES = [
     (demo, '--scene strait', "scene 'strait' is unknown; did you mean straight? shipped are"),
     (demo, '--scene sphere_70', 'did you mean surfaces/sphere_70? shipped are'),
     (demo, '--pattern raster', '--pattern does not apply to track_edge, but to track_surface'),
-    (demo, '--scene surfaces/plane --animate',
-     '--animate does not apply to track_surface, but to track_edge'),
-    (demo, '--live 0:4,0:4', '--live does not apply to track_edge, but to a --recording'),
-    (graph, '--scene strait', 'did you mean straight?'),
+    (demo, '--pitch 0.001', '--pitch does not apply to track_edge, but to a --recording'),
+    (composed, '--scene strait', 'did you mean straight?'),
+    (composed, '--sensor flexitac', '--sensor flexitac needs --port'),
     (demo, '--scene none.yaml', 'scene none.yaml: cannot be read: No such file'),
     (demo, '--scene metre.yaml',
      'straight is 200.0, must be between 0.0001 and 10 m; did you mean 0.2?'),
@@ -61,12 +60,9 @@ MISTAKES = [
     (demo, '--recording frames.npz --calibration pitch.yaml', 'did you mean 0.0015875?'),
     (demo, '--recording frames.npz --calibration depth.yaml',
      'depth is 2.0, must be between 0 and 0.1 m; did you mean 0.002?'),
-    (demo, '--recording frames.npz --pitch 0.001 --live 0:99,0:4',
-     '--live 0:99,0:4: must be ROWS,COLUMNS such as 15:26,15:26 within 16 x 16'),
     (demo, '--recording other.npz --pitch 0.001',
      "array 'frames' is missing, there are ['pictures']"),
     (demo, '--out /proc/nowhere', '--out /proc/nowhere: No such file or directory'),
-    (graph, '--sensor flexitac', '--sensor flexitac needs --port'),
     (simulate, '', 'arguments are required: scene'),
     (simulate, f'{SCENE} --speed 30', f'speed is 30.0, {SPEED}; did you mean 0.03?'),
     (simulate, f'{SCENE} --length 100',

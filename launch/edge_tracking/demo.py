@@ -1,5 +1,6 @@
 """Demo: a mock robot follows an edge or a surface; a report is computed from its bag."""
 import argparse
+from contextlib import ExitStack
 from datetime import datetime
 import os
 from pathlib import Path
@@ -8,31 +9,53 @@ from typing import Any
 
 from rclpy.exceptions import ParameterException
 
-from edge_tracking.episode import Episode, INTERRUPTED
-from edge_tracking.goals import PATTERNS
-from edge_tracking.graph import LAW_HELP, NAMESPACE, PARAMETERS, warn_of_parameters
-from edge_tracking.playback import calibration_for, describe_recording, play
-from edge_tracking.recording.frames_summary import summarise_recording
-from edge_tracking.recording.reader import read_run
-from edge_tracking.report.page import make_report, Shown
+from edge_tracking.goals import feedback_text, PATTERNS, way_length
+from edge_tracking.graph import (
+    add_servo,
+    calibrate,
+    Graph,
+    linger,
+    PARAMETERS,
+    private_port,
+)
+from edge_tracking.parameters import check_file, names_in
+from edge_tracking.playback import calibration_for, record_frames
+from edge_tracking.process_group import apart, Heard
+from edge_tracking.recording.frames_summary import describe_recording
+from edge_tracking.report.command import read
+from edge_tracking.report.page import make_report
+from edge_tracking.resources import NAMESPACE, share
+from edge_tracking.track import RESUMES, TrackNode
 from edge_tracking.transport import local_environment
-from tactile_common.command_line import between, FAILED, Help, Parser, refusing
-from tactile_common.command_line import INTERRUPTED as STOPPED
+from tactile_common.command_line import (
+    between,
+    FAILED,
+    Help,
+    INTERRUPTED,
+    Parser,
+    refusing,
+)
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.parameter_file import ParameterFile
+from tactile_common.progress import live_progress
 from tactile_common.ros.domains import hold_domain
+from tactile_common.ros.runner import freeze_heap, stop_on_signals
 from tactile_sensing.cli.options import add_shape
 from tactile_sensing.devices.recording import load_recording, MAX_RATE
+from tactile_sensing.nodes.driver import DriverConfig
 from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
-from tactile_simulation.cli.simulate import SEED
+from tactile_servo.types import State
+from tactile_shape.contour.object_model import model_of
+from tactile_simulation.cli.simulate import LAW_HELP, SEED
 from tactile_simulation.metrics import describe, to_json
 from tactile_simulation.scene import describe_scenes, find_scene, load_scene
+from tactile_simulation.world import Scene
 
 RECORDING = 'a --recording'
 # Options that apply to one action, or to recordings, only.
-ONLY_FOR = {'pattern': 'track_surface', 'animate': 'track_edge', **dict.fromkeys(
-    ('calibration', 'pitch', 'rate', 'shape', 'live'), RECORDING)}
+ONLY_FOR = {'pattern': 'track_surface', **dict.fromkeys(
+    ('calibration', 'pitch', 'rate', 'shape'), RECORDING)}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -41,11 +64,11 @@ def parser() -> argparse.ArgumentParser:
         prog='demo', formatter_class=Help,
         description='A robot follows an edge or a surface by touch, on the real graph with a '
         'mock sensor on a pseudo-terminal and a mock robot. Writes a rosbag2 recording (.mcap) '
-        'and a report (report.html, picture.png; of a surface surface.ply). Exit status 0 only '
-        'if it was tracked.',
+        'and a report (report.html; of a surface surface.ply). Exit status 0 only if it was '
+        'tracked.',
         epilog='With --recording FILE the frames of a real array (.npz with frames (N, rows,\n'
-        'columns), rate_hz and pitch_m; or .npy, .csv, with --rate, --pitch, --shape) run\n'
-        f'through driver and estimator instead.\n\n{describe_scenes()}')
+        'columns), rate_hz and pitch_m; or .npy, .csv, with --rate, --pitch, --shape) are\n'
+        f'converted and estimated as by driver and estimator instead.\n\n{describe_scenes()}')
     add = arguments.add_argument
     add('--scene', default='real_skin', help='what the mock sensor touches, see below')
     add('--law', choices=tuple(LAWS), help=LAW_HELP)
@@ -55,19 +78,15 @@ def parser() -> argparse.ArgumentParser:
     add('--seed', type=SEED, default=0, help="of the sensor's noise")
     add('--parameters', metavar='FILE.yaml',
         help='parameter file of all nodes; default edge_tracking.yaml of this package')
-    add('--recording', metavar='FILE', help='play a recording instead of a scene')
+    add('--recording', metavar='FILE', help='take a recording instead of a scene')
     add('--calibration', metavar='FILE.yaml',
         help='counts -> pressure of the recording; without it, tared frames of any unit')
     add('--pitch', type=float, help='of the recording, where it does not say it itself [m]')
     add('--rate', type=between(1e-3, MAX_RATE, 'Hz'), metavar='HZ',
         help='of the recording, where it does not say it itself [Hz]')
     add_shape(arguments)
-    add('--live', metavar='ROWS,COLUMNS', help='use these tactels of the recording only, for '
-        'instance 15:26,15:26 (first:end, from 0)')
     add('--out', metavar='FOLDER',
         help='new folder for recording and report; default runs/NAME-TIME')
-    add('--animate', action='store_true', help='also write animation.gif, the pad on its way '
-        'beside what it feels')
     add('--json', action='store_true',
         help='print the summary as one JSON object, all else to stderr')
     return arguments
@@ -83,13 +102,6 @@ def out_folder(wanted: str | None, name: str) -> Path:
     return folder
 
 
-def own_domain() -> int:
-    """Reserve a ROS domain for this demo, so that two graphs do not receive each other's data."""
-    domain = hold_domain()
-    print(f'to listen along: ROS_DOMAIN_ID={domain}', file=sys.stderr)
-    return domain
-
-
 def refuse_what_does_not_apply(options: argparse.Namespace, kind: str) -> None:
     """Raise a ConfigurationError for an option that does not apply to the action or recording."""
     for name, of in ONLY_FOR.items():
@@ -97,29 +109,91 @@ def refuse_what_does_not_apply(options: argparse.Namespace, kind: str) -> None:
             raise ConfigurationError(f'--{name} does not apply to {kind}, but to {of}')
 
 
-def run(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
-    """Run the demo; return the summary and the folder of its results."""
+def check(options: argparse.Namespace, law: str) -> None:
+    """Check parameters and goal; ConfigurationError if no node should start with them."""
+    if options.parameters:
+        for text in check_file(options.parameters, names_in(NAMESPACE), law):
+            print(text, file=sys.stderr)
+    check_goal(options.speed, options.force, ParameterFile(
+        options.parameters or PARAMETERS).config(f'/{NAMESPACE}/edge_servo', ServoConfig))
+
+
+def run_scene(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
+    """Track once in a scene; return the summary and the folder of its results."""
     # Unreadable input is refused once, here, before a folder is made.
-    if options.recording:
-        return play_recording(options)
     path = find_scene(options.scene)
     scene = load_scene(path)
     refuse_what_does_not_apply(options, scene.action)
-    law = law_for(scene.action, options.law)
+    options.law = law_for(scene.action, options.law)
     scene.world()  # solves the skin of a round probe in advance
-    check(options, law)
-    episode = Episode(path, scene, law, options.speed, options.force, options.pattern or 'line',
-                      options.seed)
+    check(options, options.law)
     folder = out_folder(options.out, path.stem)
-    ended = episode.run(folder, parameters=options.parameters, domain=own_domain())
+    domain = hold_domain()  # of its own, so that two graphs do not receive each other's data
+    print(f'to listen along: ROS_DOMAIN_ID={domain}', file=sys.stderr)
+    problem = track(options, path, scene, folder, domain)
     try:
-        return episode.report(folder, ended, options.animate), folder
+        shown = read(folder / 'bag', scene)
+        if problem:
+            shown.summary.update(ok=False, reason=problem)
+        make_report(folder / 'report.html', shown)
+        if LAWS[options.law].maps_surface:
+            model_of(shown.run.patches).save_surface(folder / 'surface.ply')
+        return shown.summary, folder
     except TactileError as error:  # the recorder died, so its recording is incomplete
-        return {'ok': False, 'reason': f'{ended.reason}; {error}'}, folder
+        return {'ok': False, 'reason': '; '.join(filter(None, (problem, str(error))))}, folder
 
 
-def play_recording(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
-    """Play a recording; return the same as `run`."""
+def track(options: argparse.Namespace, path: Path, scene: Scene, folder: Path, domain: int
+          ) -> str:
+    """
+    Run the graph for one goal, record into the folder's `bag`, and return what went wrong.
+
+    The graph is in several processes; this one has the servo and its client.
+    """
+    robot, own, law = share('urdf', 'puma260.urdf'), scene.parameters(), options.law
+    pattern, common = options.pattern or 'line', {
+        'parameters': options.parameters, 'domain': domain}
+    with ExitStack() as stack:
+        enter = stack.enter_context
+        port, stop = enter(private_port()), enter(stop_on_signals())
+        progress = enter(live_progress(scene.way or way_length(pattern)))
+        parts = {name: enter(apart(name, *arguments, **common)) for name, arguments in (
+            ('listeners', (folder / 'bag', own.shape)),
+            ('mocks', (port, path, robot, options.seed)),
+            ('sensing', (port, calibrate(port, scene), DriverConfig.protocol, own.contact)))}
+        graph = enter(Graph(**common))
+
+        def over():
+            return stop.is_set() or any(part.poll() is not None for part in parts.values())
+
+        def show(feedback):
+            progress.show(feedback.progress, State(feedback.state).name.lower(),
+                          feedback_text(feedback))
+
+        servo = add_servo(graph, robot, law, **own.servo)
+        freeze_heap()
+        heard = Heard(servo, graph.namespace)
+        graph.spin(lambda: over() or heard.all)
+        client = graph.add(
+            TrackNode, own={'on_feedback': show}, action=scene.action, speed=options.speed,
+            force=options.force, resumes=RESUMES, **{'surface.pattern': pattern},
+            closed=scene.closed and LAWS[law].closes_contours)
+        graph.spin(lambda: client.finished or over())
+        if stop.is_set():
+            client.cancel()
+            stop.clear()
+            linger(graph, lambda: client.finished or stop.is_set(), 2.0)
+            return 'interrupted'
+        if not client.finished:
+            return ', '.join(
+                f'{name} ended by itself, with status {part.returncode}'
+                for name, part in parts.items() if part.returncode is not None)
+        linger(graph, stop.is_set)
+    return '; '.join(filter(None, ('' if client.success else client.reason, heard.failed)))
+
+
+def take_recording(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
+    """Convert and estimate the frames of a recording; return the same as `run_scene`."""
     refuse_what_does_not_apply(options, RECORDING)
     recording = load_recording(
         options.recording, options.rate, options.shape and tuple(options.shape))
@@ -127,30 +201,20 @@ def play_recording(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     check(options, options.law or DEFAULT)
     path = Path(options.recording)
     folder = out_folder(options.out, path.stem)
-    success, reason = play(options.recording, recording, calibration, folder,
-                           parameters=options.parameters, domain=own_domain())
-    data = read_run(folder / 'bag')
-    summary = summarise_recording(data)
-    summary |= {'ok': success and summary['ok'], 'reason': reason}
-    make_report(folder / 'report.html', Shown(path.name, data, summary))
-    return summary, folder
-
-
-def check(options: argparse.Namespace, law: str) -> None:
-    """Check parameters and goal; ConfigurationError if no node should start with them."""
-    warn_of_parameters(options.parameters, NAMESPACE, law)
-    check_goal(options.speed, options.force, ParameterFile(
-        options.parameters or PARAMETERS).config(f'/{NAMESPACE}/edge_servo', ServoConfig))
+    record_frames(recording, calibration, folder / 'bag', options.parameters or PARAMETERS)
+    shown = read(folder / 'bag')
+    make_report(folder / 'report.html', shown)
+    return shown.summary, folder
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the demo; exit status 0 if the edge was tracked, or the recording played."""
+    """Run the demo; exit status 0 if the edge was tracked, or the recording taken."""
     os.environ.update(local_environment())  # the child processes inherit it
     with refusing('demo', ValueError, RuntimeError, ParameterException) as command:
         options = parser().parse_args(args)
-        summary, folder = run(options)
+        summary, folder = (take_recording if options.recording else run_scene)(options)
         if not summary['ok']:
-            command.status = STOPPED if summary['reason'] == INTERRUPTED else FAILED
+            command.status = INTERRUPTED if summary['reason'] == 'interrupted' else FAILED
         if len(summary) == 2:  # only the reason is known
             print(f'demo: {" ".join(summary["reason"].split())}', file=sys.stderr)
             return command.status

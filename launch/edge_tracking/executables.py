@@ -1,7 +1,7 @@
 """Executables of the package; their modules are imported after the signal handlers are set."""
 from tactile_common.start import executable
 
-composed = executable('edge_tracking.graph', interrupted=0)
+composed = executable('edge_tracking.composed', interrupted=0)
 demo = executable('edge_tracking.demo')
 parameters = executable('edge_tracking.parameters')
 play_bag = executable('edge_tracking.replay.play_bag')

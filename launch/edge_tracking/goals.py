@@ -34,8 +34,8 @@ class SurfaceWay:
 
 
 @dataclass(frozen=True)
-class GoalConfig:
-    """Goal of the servo."""
+class TrackConfig:
+    """Goal of the servo, and how long and how often its client tries."""
 
     action: str = one_of('track_edge', 'of the servo', ACTIONS)
     speed: float = field(default=0.03, metadata={
@@ -52,9 +52,16 @@ class GoalConfig:
         1.0, 'the servo ends the goal when its client is silent for so long; 0 = never', 's',
         0.0, LONGEST_SILENCE)
     surface: SurfaceWay = field(default_factory=SurfaceWay)
+    wait: float = bounded(
+        15.0, 'give up when sensor and servo are not ready within this time', 's', 0.1, 3600.0)
+    resumes: int = bounded(
+        0, 'how often a servo that holds, and could continue, is asked to; above 0 only for a '
+        'robot that nobody is near', '', 0, 10000)
+    record: str = field(default='', metadata={
+        'doc': 'new folder that everything is recorded into while the goal runs'})
 
 
-def goal_message(c: GoalConfig) -> TrackEdge.Goal | TrackSurface.Goal:
+def goal_message(c: TrackConfig) -> TrackEdge.Goal | TrackSurface.Goal:
     """Return the goal message of the action in the configuration."""
     if c.action == 'track_edge':
         return TrackEdge.Goal(speed=c.speed, force=c.force, direction=c.direction,
@@ -70,9 +77,9 @@ def goal_message(c: GoalConfig) -> TrackEdge.Goal | TrackSurface.Goal:
         features=way.features, retreat=c.retreat, client_timeout=c.client_timeout)
 
 
-def way_length(pattern: str, way: SurfaceWay | None = None) -> float:
-    """Return the length of a pattern as drawn; for a line, its default length [m]."""
-    way = way or SurfaceWay()
+def way_length(pattern: str) -> float:
+    """Return the length of a pattern of the default size [m]."""
+    way = SurfaceWay()
     if pattern == 'line':
         return LINE_LENGTH
     along, across = way.size

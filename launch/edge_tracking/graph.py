@@ -1,8 +1,6 @@
-"""The whole graph in one process: the same nodes as in `edge_tracking.launch.py`."""
-import argparse
+"""Nodes of the graph in one process, as in `edge_tracking.launch.py`."""
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-import os
 from pathlib import Path
 import sys
 import tempfile
@@ -10,34 +8,24 @@ import time
 from typing import Any
 
 import rclpy
-from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from edge_tracking.parameters import check_file, names_in
-from edge_tracking.resources import share
-from edge_tracking.transport import local_environment
-from tactile_common.command_line import Help, Parser, refusing
-from tactile_common.errors import ConfigurationError
-from tactile_common.ros.runner import freeze_heap, make_executor, spin, stop_on_signals
-from tactile_sensing.devices.registry import PROTOCOLS
+from edge_tracking.resources import NAMESPACE, share
+from tactile_common.ros.runner import make_executor, spin
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverConfig, DriverNode
-from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
+from tactile_servo.laws.registry import DEFAULT
 from tactile_servo.nodes.servo import EdgeServoNode
-from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
-from tactile_simulation.cli.simulate import LAW_HELP, SEED
 from tactile_simulation.nodes.mock_robot import MockRobotNode
 from tactile_simulation.nodes.mock_sensor import MockSensorNode
-from tactile_simulation.scene import describe_scenes, find_scene, load_scene
 from tactile_simulation.scene_calibration import write_calibration
-from tactile_simulation.world import NodeParameters, Scene
+from tactile_simulation.world import Scene
 
 # Longest time that a thread holds the interpreter while another one waits [s]. The default of
 # 5 ms is a whole sensor period.
 SWITCH_INTERVAL = 2e-4
-NAMESPACE = 'tactile'
 PARAMETERS = share('config', 'edge_tracking.yaml')
 SETTLE = 0.3  # s of spinning after the end, so that the last messages arrive
 
@@ -115,13 +103,6 @@ def add_servo(graph: Graph, robot, law: str = DEFAULT, **parameters) -> Node:
     return graph.add(EdgeServoNode, robot_description=str(robot), law=law, **parameters)
 
 
-def warn_of_parameters(parameters: str | Path | None, namespace: str, law: str) -> None:
-    """Check a user's parameter file; ConfigurationError if no node should start with it."""
-    if parameters:
-        for text in check_file(parameters, names_in(namespace), law):
-            print(text, file=sys.stderr)
-
-
 @contextmanager
 def private_port() -> Iterator[Path]:
     """Yield a path for the link of a pseudo-terminal, in a new temporary folder."""
@@ -138,54 +119,3 @@ def linger(graph: Graph, until: Callable[[], bool], seconds: float = SETTLE) -> 
     """Spin for some more time."""
     end = time.monotonic() + seconds
     graph.spin(lambda: until() or time.monotonic() > end)
-
-
-def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser of the composed process."""
-    arguments = Parser(
-        prog='composed', formatter_class=Help, epilog=describe_scenes(),
-        description='Runs sensor, estimators, servo and, with the mock sensor, the mock robot '
-        'in one process. Send goals to its action, track_edge or, for a surface, track_surface, '
-        'for instance with '
-        '`ros2 run edge_tracking track --ros-args -r __ns:=/tactile`.')
-    add = arguments.add_argument
-    add('--sensor', choices=('mock', *PROTOCOLS), default='mock',
-        help='mock: synthetic sensor and robot; else the byte protocol of a real array')
-    add('--port', default='', help='serial port of a real sensor')
-    add('--scene', default='straight', help='what the mock sensor touches, see below')
-    add('--law', choices=tuple(LAWS), help=LAW_HELP)
-    add('--robot-description', default=str(share('urdf', 'puma260.urdf')),
-        help='URDF of the robot, with a link tactile_pad')
-    add('--parameters', help='parameter file')
-    add('--namespace', default=NAMESPACE, help='of sensor, estimators and servo')
-    add('--seed', type=SEED, default=0, help="of the mock sensor's noise")
-    return arguments
-
-
-def main(args: list[str] | None = None) -> int:
-    """Run the graph until it is interrupted; exit status 2 if it cannot start."""
-    with refusing('composed', ValueError, RuntimeError, ParameterException) as command:
-        options = parser().parse_args(args)
-        if options.sensor != 'mock' and not options.port:
-            raise ConfigurationError(
-                f'--sensor {options.sensor} needs --port, for instance --port /dev/ttyUSB0')
-        law, own = options.law or DEFAULT, NodeParameters()
-        if options.sensor == 'mock':
-            path = find_scene(options.scene)
-            scene = load_scene(path)
-            law, own = law_for(scene.action, options.law), scene.parameters()
-            os.environ.update(local_environment())
-        warn_of_parameters(options.parameters, options.namespace, law)
-        with private_port() as pty, stop_on_signals() as stop, \
-                Graph(options.parameters, options.namespace) as graph:
-            port = Path(options.port or pty)
-            add_servo(graph, options.robot_description, law, **own.servo)
-            graph.add(ShapeEstimatorNode, **own.shape)
-            if options.sensor == 'mock':
-                add_sensing(graph, port, calibrate(pty, scene), contact=own.contact)
-                add_mocks(graph, port, path, options.robot_description, options.seed)
-            else:
-                add_sensing(graph, port, protocol=options.sensor)
-            freeze_heap()
-            graph.spin(stop.is_set)
-    return command.status

@@ -3,17 +3,15 @@ from typing import Any
 
 from launch import LaunchContext
 from launch.actions import DeclareLaunchArgument
-from launch.logging import get_logger
 from launch.substitutions import LaunchConfiguration
 
 from edge_tracking.goals import PATTERNS
-from edge_tracking.resources import share
+from edge_tracking.resources import NAMESPACE, share
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.registry import PROTOCOLS
 from tactile_servo.laws.registry import law_for, LAWS
 from tactile_simulation.scene import shipped_scenes
 
-NAMESPACE = 'tactile'
 SWITCH = ('true', 'false')
 ARGUMENTS = (
     ('sensor', 'mock', 'mock: synthetic array on a pseudo-terminal; topic: raw images of another '
@@ -55,33 +53,20 @@ ARGUMENTS = (
      SWITCH),
     ('log_level', 'info', 'of all nodes', ('debug', 'info', 'warn', 'error', 'fatal')),
 )
-FORMER = {'parameters': 'params_file', 'rviz': 'use_rviz', 'tracker': 'law'}
 
 
 def declared() -> list[DeclareLaunchArgument]:
-    """Return the declarations of the arguments, and of their names in former versions."""
-    return [
-        DeclareLaunchArgument(name, default_value=default, description=description,
-                              **({'choices': list(*choices)} if choices else {}))
-        for name, default, description, *choices in ARGUMENTS] + [
-        DeclareLaunchArgument(old, default_value='', description=f'former name of {new}')
-        for old, new in FORMER.items()]
+    """Return the declarations of the arguments."""
+    return [DeclareLaunchArgument(name, default_value=default, description=description,
+                                  **({'choices': list(*choices)} if choices else {}))
+            for name, default, description, *choices in ARGUMENTS]
 
 
 def given(context: LaunchContext) -> dict[str, Any]:
-    """Return the values of the arguments by name; former names are accepted with a note."""
+    """Return the values of the arguments by name."""
     value = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
-    choices = {name: of_it[0] for name, _, _, *of_it in ARGUMENTS if of_it}
-    for old, new in FORMER.items():
-        text = LaunchConfiguration(old).perform(context)
-        if text:
-            get_logger('launch').info(f'{old}:= is now {new}:=')
-            if text not in choices.get(new, (text,)):
-                raise ConfigurationError(
-                    f'{old}:={text} is none of {", ".join(choices[new])}')
-            value[new] = text
-    return {name: text == 'true' if choices.get(name) == SWITCH else text
-            for name, text in value.items()}
+    switches = {name for name, _, _, *choices in ARGUMENTS if choices == [SWITCH]}
+    return {name: text == 'true' if name in switches else text for name, text in value.items()}
 
 
 def number(name: str, text: str) -> float:

@@ -1,9 +1,11 @@
 """Launch actions for the nodes of one robot with its sensor."""
+from collections.abc import Collection, Mapping
 import os
 from pathlib import Path
 import shutil
 import tempfile
 from typing import Any
+from xml.etree import ElementTree
 
 from ament_index_python.packages import get_packages_with_prefixes
 from launch.actions import EmitEvent, LogInfo, OpaqueFunction, RegisterEventHandler
@@ -13,17 +15,16 @@ from launch.logging import get_logger
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from edge_tracking.launch_arguments import NAMESPACE, number
+from edge_tracking.launch_arguments import number
 from edge_tracking.parameters import check_file, driver_parameters, names_in
-from edge_tracking.resources import share
-from edge_tracking.ros2_control import CONTROL, require_packages, starting_at
+from edge_tracking.resources import NAMESPACE, share
 from edge_tracking.track import RESUMES
 from tactile_common.errors import ConfigurationError
 from tactile_common.parameter_file import ParameterFile
 from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.motion.robot import RobotModel
-from tactile_servo.motion.urdf import text_of
+from tactile_servo.motion.urdf import parse, text_of
 from tactile_servo.robot_config import NodeConfig
 from tactile_simulation.scene import find_scene, load_scene
 from tactile_simulation.scene_calibration import write_calibration
@@ -31,6 +32,8 @@ from tactile_simulation.world import NodeParameters
 
 RESPAWN_DELAY = 1.0  # s
 GIVING_WAY = ' nice -n 10'  # lower priority than the servo; follows PREFIX
+CONTROL = ('controller_manager', 'hardware_interface', 'joint_state_broadcaster',
+           'joint_trajectory_controller', 'robot_state_publisher')
 START = 300.0  # s for the start of the nodes; the very first start compiles kernels
 
 
@@ -235,3 +238,31 @@ def ends_with(action, may_end=False):
             return EmitEvent(event=Shutdown(reason=f'{name} has ended'))
         raise RuntimeError(f'{name} has died (exit code {event.returncode}), so the launch ends')
     return [RegisterEventHandler(OnProcessExit(target_action=action, on_exit=on_exit))]
+
+
+def require_packages(wanted: str, packages: Collection[str], instead: str) -> None:
+    """Raise a ConfigurationError that names missing packages and how to install them."""
+    missing = [name for name in packages if name not in get_packages_with_prefixes()]
+    if missing:
+        names = ' '.join(f'ros-$ROS_DISTRO-{name.replace("_", "-")}' for name in missing)
+        raise ConfigurationError(
+            f'{wanted} needs {", ".join(missing)}: apt install {names}, or {instead}')
+
+
+def starting_at(description: str, positions: Mapping[str, float]) -> str:
+    """
+    Return the URDF with other start positions [rad] of its `<ros2_control>` joints.
+
+    `positions` are given by joint name. Raises a ConfigurationError if the URDF has no element
+    `<ros2_control>`.
+    """
+    robot = parse(description)
+    joints = robot.findall('ros2_control/joint')
+    if not joints:
+        raise ConfigurationError('robot description: has no element <ros2_control> with joints, '
+                                 'which robot:=ros2_control needs; urdf/puma260.urdf shows one')
+    for joint in joints:
+        value = joint.find("state_interface[@name='position']/param[@name='initial_value']")
+        if value is not None and joint.get('name') in positions:
+            value.text = repr(float(positions[joint.get('name', '')]))
+    return ElementTree.tostring(robot, encoding='unicode')

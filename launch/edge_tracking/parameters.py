@@ -10,7 +10,8 @@ from typing import Any
 
 import yaml
 
-from edge_tracking.track import TrackConfig
+from edge_tracking.goals import TrackConfig
+from edge_tracking.resources import NAMESPACE
 from edge_tracking.view import ViewConfig
 from tactile_common.command_line import Parser, refusing
 from tactile_common.config import did_you_mean
@@ -151,7 +152,7 @@ def main(args: list[str] | None = None) -> int:
         'default, unit and bounds; or checks a file.')
     parser.add_argument('--law', choices=tuple(LAWS), default=DEFAULT, help='of the servo')
     parser.add_argument('--check', metavar='FILE.yaml', help='check this file instead')
-    parser.add_argument('--namespace', default='tactile', help='of the nodes, for --check')
+    parser.add_argument('--namespace', default=NAMESPACE, help='of the nodes, for --check')
     with refusing('parameters') as command:
         options = parser.parse_args(args)
         if not options.check:

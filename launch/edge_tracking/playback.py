@@ -1,6 +1,5 @@
-"""Demo with a recording: its frames pass through driver and estimator as from the array."""
+"""Recording of a real array's frames: through the driver's conversion and the estimator."""
 from argparse import Namespace
-from collections.abc import Mapping
 from pathlib import Path
 import sys
 import time
@@ -8,19 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from edge_tracking.graph import Graph, linger, private_port
-from edge_tracking.process_group import PATIENCE, record
-from tactile_common.progress import live_progress
-from tactile_common.ros.runner import stop_on_signals
+from edge_tracking.recording.topics import topics
+from edge_tracking.recording.writer import BagWriter
+from edge_tracking.resources import NAMESPACE
+from tactile_common.parameter_file import ParameterFile
+from tactile_common.progress import Progress
+from tactile_common.ros.cdr import packed
+from tactile_common.ros.conversions import NS
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.conversions import contact_to_msg, image_to_msg, sensor_info_to_msg
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.counts import Counts, MAX_BITS
+from tactile_sensing.devices.pad import Pad
 from tactile_sensing.devices.recording import Recording
-from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
-from tactile_sensing.nodes.driver import DriverNode
-from tactile_simulation.nodes.mock_sensor import MockSensorNode
 
 MAX_OFFSET = 0.1  # summed offset of unloaded tactels, as a share of the largest load
+FRAME, SENSOR = 'tactile_pad', 'recording'
 
 
 def calibration_for(options: Namespace, recording: Recording) -> Calibration:
@@ -29,10 +32,9 @@ def calibration_for(options: Namespace, recording: Recording) -> Calibration:
     if options.calibration:
         calibration, source = load_calibration(options.calibration), options.calibration
     elif options.pitch or recording.pitch:
-        outside = live_window(options.live, recording.shape) if options.live else ()
         calibration = Calibration.uncalibrated(
             rows, columns, options.pitch or recording.pitch, nominal_rate=recording.rate_hz,
-            dead_tactels=tuple(sorted({*outside, *recording.absent})), **_range_of(recording))
+            dead_tactels=tuple(recording.absent), **_range_of(recording))
         source = 'the recording'
     else:
         raise ValueError(f'{options.recording}: no pitch_m in the file; give --pitch')
@@ -82,70 +84,27 @@ def _offset(calibration: Calibration, frames: np.ndarray) -> float:
     return float(offset) if abs(offset) * live.sum() > MAX_OFFSET * load else 0.0
 
 
-def live_window(text: str, shape: tuple[int, int]) -> tuple[int, ...]:
-    """Return row-major indices of the tactels outside a window 'ROWS,COLUMNS', see `--live`."""
-    height, width = shape
-    try:
-        rows, columns = (range(*map(int, part.split(':'))) for part in text.split(','))
-        inside = (0 <= rows.start < rows.stop <= height
-                  and 0 <= columns.start < columns.stop <= width)
-    except (TypeError, ValueError):
-        inside = False
-    if not inside:
-        raise ValueError(f'--live {text}: must be ROWS,COLUMNS such as 15:26,15:26 within '
-                         f'{height} x {width}')
-    return tuple(r * width + c for r in range(height) for c in range(width)
-                 if r not in rows or c not in columns)
-
-
-def _listeners(driver: DriverNode) -> int:
-    """Return the number of subscribers of the driver's images."""
-    return sum(publisher.get_subscription_count() for publisher in driver.publishers
-               if publisher.topic_name.endswith('/image'))
-
-
-def play(path: str | Path, recording: Recording, calibration: Calibration, folder: Path,
-         **common) -> tuple[bool, str]:
-    """
-    Stream a recording through driver and estimator; return success and reason.
-
-    The topics are recorded in the folder's `bag`; `common` are arguments of `Graph`.
-    """
-    duration = len(recording.frames) / recording.rate_hz  # s
-    with private_port() as port, stop_on_signals() as stop, Graph(**common) as graph, \
-            live_progress(duration) as progress:
-        record(graph, folder / 'bag')
-        graph.add(ContactEstimatorNode)
-        sensor = graph.add(
-            MockSensorNode, own={'recording': recording, 'calibration': calibration},
-            port=str(port), recording=str(path))
-        driver = graph.add(DriverNode, own={'calibration': calibration}, port=str(port),
-                           tare_at_start=False, autostart=False)
-        # The sensor starts when the port is opened, so wait for recorder and estimator first.
-        linger(graph, lambda: stop.is_set() or _listeners(driver) >= 2, PATIENCE)
-        driver.trigger_configure()
-        driver.trigger_activate()
-        started = time.monotonic()
-
-        def until():
-            gone = time.monotonic() - started
-            progress.show(gone, 'playing', f'{gone:.0f} of {duration:.0f} s')
-            return stop.is_set() or sensor.finished.is_set()
-        graph.spin(until)
-        if stop.is_set():
-            return False, 'interrupted'
-        linger(graph, stop.is_set)
-    return True, 'recording played'
-
-
-def describe_recording(summary: Mapping[str, Any]) -> str:
-    """Return the summary of a recording as text for the terminal."""
-    lines = [f'{summary["reason"]}: {summary["frames"]} pictures of {summary["rows"]} x '
-             f'{summary["columns"]} at {summary["sensor_rate"]:.1f} Hz, '
-             f'{summary["lost_frames"]} lost, {summary["presses"]} presses']
-    for start, lasted, peak, (x, y) in zip(
-            summary['press_times'], summary['press_durations'], summary['press_peaks'],
-            summary['press_centres'], strict=True):
-        lines.append(f'  peak at {start:6.1f} s, pressed {lasted:4.1f} s, {peak:.4g} '
-                     f'{summary["force_unit"]}, centre ({1e3 * x:+.2f}, {1e3 * y:+.2f}) mm')
-    return '\n'.join(lines)
+def record_frames(recording: Recording, calibration: Calibration, bag: Path,
+                  parameters: str | Path) -> None:
+    """Write the images and contacts of a recording into a new bag, as driver and estimator do."""
+    names = {name.rpartition('/')[2]: k for k, (name, _, _) in enumerate(topics(NAMESPACE))}
+    counts, _ = recording.counts(calibration.counts, calibration.resolution)
+    estimator = ContactEstimator(ParameterFile(parameters).config(
+        f'/{NAMESPACE}/contact_estimator', EstimatorConfig))
+    pad, begin = Pad(calibration, tare_frames=1), time.time_ns()
+    writer = BagWriter(bag, topics(NAMESPACE))
+    writer.write(names['sensor_info'], begin, packed(sensor_info_to_msg(
+        calibration.sensor_info(SENSOR, FRAME, begin, None, 0))))
+    with Progress(len(counts), 1.0) as progress:
+        for number, frame in enumerate(counts):
+            taken = begin + round(NS * number / recording.rate_hz)
+            image = pad.image(frame, taken, number)
+            image.frame_id, image.sensor = FRAME, SENSOR
+            estimated = time.monotonic_ns()
+            contact = estimator.estimate(image)
+            now = taken + time.monotonic_ns() - estimated
+            message = image_to_msg(image)
+            writer.write(names['image'], taken, packed(message))
+            writer.write(names['contact'], now, packed(contact_to_msg(contact, message, now)))
+            progress.show(number, 'playing', f'{number} of {len(counts)} frames')
+    writer.close()

@@ -10,6 +10,7 @@ from typing import Any
 
 from edge_tracking.recording.topics import topics
 from edge_tracking.recording.writer import RecorderNode
+from edge_tracking.resources import NAMESPACE
 from tactile_common.command_line import Parser, refusing
 from tactile_common.ros.runner import run, split_ros_args
 
@@ -18,7 +19,7 @@ def parser() -> Parser:
     """Return the command-line parser; it does not cover arguments after --ros-args."""
     arguments = Parser(prog='record_bag', description=(__doc__ or '').strip())
     arguments.add_argument('bag', type=Path, metavar='BAG', help='new folder to write')
-    arguments.add_argument('--namespace', default='tactile', help='of the sensor')
+    arguments.add_argument('--namespace', default=NAMESPACE, help='of the sensor')
     return arguments
 
 

@@ -1,7 +1,9 @@
-"""Files that the package installs: robot, parameters."""
+"""Files that the package installs, and the default namespace."""
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
+
+NAMESPACE = 'tactile'  # of sensor, estimators and servo
 
 
 def share(*parts):

@@ -4,7 +4,6 @@ Send one goal to the servo and follow it to its end.
 Exit status: 0 the goal was met, 1 it was not met, 2 it was refused or a parameter is wrong, 3
 sensor or servo were not ready, 4 the servo became silent, 130 interrupted.
 """
-from dataclasses import dataclass, field
 from enum import IntEnum
 import math
 import os
@@ -20,9 +19,8 @@ from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_srvs.srv import SetBool
 from unique_identifier_msgs.msg import UUID
 
-from edge_tracking.goals import feedback_text, goal_message, GoalConfig
+from edge_tracking.goals import feedback_text, goal_message, TrackConfig
 from edge_tracking.launch_interrupt import PREFIX
-from tactile_common.config import bounded
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
@@ -31,25 +29,10 @@ from tactile_servo.conversions import ACTIONS
 
 ASK_AGAIN = 1.0  # s between requests to resume, while the servo still holds
 BEATS = 5  # heartbeats per client timeout
+SILENCE = 5.0  # s without a word from the servo that has the goal, after which it is given up
 RECORD = 'import sys; from edge_tracking.executables import record_bag; sys.exit(record_bag())'
 WRITTEN = 3.0  # s for a recorder to end; a node must be destroyed within 3.5 s
 RESUMES = 100  # for a mock robot on a slow machine
-
-
-@dataclass(frozen=True)
-class TrackConfig(GoalConfig):
-    """The goal, and how long to wait for the sensor and the servo."""
-
-    wait: float = bounded(
-        15.0, 'give up when sensor and servo are not ready within this time', 's', 0.1, 3600.0)
-    silence: float = bounded(
-        5.0, 'give up when the servo, which has the goal, says nothing for this time', 's',
-        0.2, 3600.0)
-    resumes: int = bounded(
-        0, 'how often a servo that holds, and could continue, is asked to; above 0 only for a '
-        'robot that nobody is near', '', 0, 10000)
-    record: str = field(default='', metadata={
-        'doc': 'new folder that everything is recorded into while the goal runs'})
 
 
 class Exit(IntEnum):
@@ -97,8 +80,7 @@ class TrackNode(TactileNode):
         if self.config.client_timeout:
             self.create_timer(self.config.client_timeout / BEATS, self._beat, clock=steady)
         self._heard = 0.0  # steady time [s] of the servo's last message
-        self._silence = self.create_timer(
-            0.2 * self.config.silence, self._check_silence, clock=steady)
+        self.create_timer(0.2 * SILENCE, self._check_silence, clock=steady)
         # In a separate process group: Ctrl-C ends the goal first, and then its recording.
         self._recorder = subprocess.Popen(
             [*PREFIX.split(), sys.executable, '-c', RECORD, self.config.record, '--namespace',
@@ -165,7 +147,7 @@ class TrackNode(TactileNode):
 
     def _check_silence(self):
         silent = time.monotonic() - self._heard
-        if not self._sent or self.finished or silent < self.config.silence:
+        if not self._sent or self.finished or silent < SILENCE:
             return
         if self._handle is not None:
             self._handle.cancel_goal_async()  # in case the servo recovers

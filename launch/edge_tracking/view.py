@@ -5,6 +5,7 @@ Also publishes `image/view`, the image with the contact drawn in, while someone 
 """
 from array import array
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import resources
 import json
 import math
@@ -18,6 +19,7 @@ from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
 from rclpy.timer import Timer
 from sensor_msgs.msg import Image
 
+from edge_tracking.resources import NAMESPACE
 from edge_tracking.web.page import COLOURS, INVALID, levels, make_page, packed
 from edge_tracking.web.server import Server
 from tactile_common.command_line import Parser, refusing
@@ -36,6 +38,7 @@ from tactile_servo.types import State
 TOPICS = {'image': TactileImage, 'contact': Contact, 'servo_status': ServoStatus,
           'sensor_pose': PoseStamped}
 ATTENTION = 0.5  # s between checks for viewers
+PERIOD = 1.0 / 30.0  # s between shown images
 FADING = 0.995  # factor per image for the pressure of the darkest colour
 NOISES = 20.0  # smallest value of this pressure, in standard deviations of a tactel
 WIDTH = 320  # of `image/view` [px]
@@ -47,31 +50,30 @@ PALETTE = np.vstack([np.column_stack([
 
 @dataclass(frozen=True)
 class ViewConfig:
-    """Address of the page and its frame rate."""
+    """Address of the page."""
 
     host: str = field(default='127.0.0.1', metadata={
         'doc': 'address to serve at; where others reach it a token is asked for, see the log'})
     port: int = bounded(8088, 'to serve at; 0 = any that is free', '', 0, 65535)
-    rate: float = bounded(30.0, 'images shown per second', 'Hz', 1.0, 60.0)
 
 
 class ViewNode(TactileNode):
     """
     Serve the page. Parameters: `ViewConfig`.
 
-    Without viewers it subscribes to nothing. No callback receives messages: when the next image is
-    due, the node takes and decodes the newest message of each topic.
+    Without viewers it subscribes to nothing. Of each topic only the newest message is decoded,
+    when the next image is due.
     """
 
     def __init__(self, **kwargs: Any):
-        self._polled: dict[str, Any] = {}
-        super().__init__('view', **{'namespace': 'tactile', **kwargs})
+        super().__init__('view', **{'namespace': NAMESPACE, **kwargs})
         config = declare_from(self, ViewConfig)
         body = (resources.files('edge_tracking.web') / 'live.html').read_text('utf-8')
         self._server = Server(config.host, config.port, make_page(
-            'Live touch', body, {}, ('tactile.js', 'live.js'), connect="'self'"))
+            'Live touch', body, ('tactile.js', 'live.js'), connect="'self'"))
         self._picture = self.create_publisher(Image, 'image/view', qos_profile_sensor_data)
-        self._period = 1.0 / config.rate
+        self._heard: dict[str, bytes] = {}  # newest message by topic
+        self._listening: list[Any] = []
         self._timer: Timer | None = None
         self._shown: dict[str, Any] = {}
         self._top, self._rate, self._last = 0.0, 0.0, (0, 0)
@@ -84,40 +86,29 @@ class ViewNode(TactileNode):
         """Address of the page."""
         return self._server.url
 
-    @property
-    def subscriptions(self) -> Any:
-        """Subscriptions for an executor: all except the polled ones."""
-        return (it for it in super().subscriptions if it not in self._polled.values())
-
     def _attend(self) -> None:
         watched = self._server.feed.clients or self._picture.get_subscription_count()
         if watched and not self._timer:
             newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-            for name, kind in TOPICS.items():
-                self._polled[name] = self.create_subscription(
-                    kind, name, lambda _: None, newest, raw=True)
-            self._timer = self.create_timer(self._period, self._show, clock=self._steady)
+            self._listening = [self.create_subscription(
+                kind, name, partial(self._heard.__setitem__, name), newest, raw=True)
+                for name, kind in TOPICS.items()]
+            self._timer = self.create_timer(PERIOD, self._show, clock=self._steady)
         elif self._timer and not watched:
             self.destroy_timer(self._timer)
             self._timer = None
-            for subscription in self._polled.values():
+            for subscription in self._listening:
                 self.destroy_subscription(subscription)
-            self._polled, self._shown = {}, {}
-
-    def _take(self, name: str) -> Any:
-        """Return the newest message of a topic; None if there is no new one."""
-        subscription = self._polled[name]
-        with subscription.handle:
-            taken = subscription.handle.take_message(subscription.msg_type, True)
-        return taken and unpacked(taken[0], subscription.msg_type)
+            self._listening, self._shown = [], {}
+            self._heard.clear()
 
     def _show(self) -> None:
         new = {}
         for name, of_message in (('image', self._image), ('contact', _contact),
                                  ('servo_status', _status), ('sensor_pose', _position)):
             try:
-                if message := self._take(name):
-                    new[name] = of_message(message)
+                if raw := self._heard.pop(name, None):
+                    new[name] = of_message(unpacked(raw, TOPICS[name]))
             except TactileError as error:
                 self.get_logger().warning(
                     f'{name} ignored: {error}', throttle_duration_sec=5.0)

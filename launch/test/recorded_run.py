@@ -23,6 +23,7 @@ from tactile_sensing.types.contact import ContactType, Reason
 from tactile_sensing.types.image import Layer
 from tactile_sensing.types.image import SensorInfo as SensorInfoData
 from tactile_sensing.types.image import TactileImage as ImageData
+from tactile_servo.reasons import ReasonCode
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_world import EdgeScene, EdgeWorld, Start
 from tactile_simulation.sensor import Sensor, Skin
@@ -36,6 +37,7 @@ CPU_TIME = 2e-4  # s
 SPEED, FORCE, OFFSET = 0.03, 5.0, 0.003
 APPROACH, TRACK, RETREAT = 0.4, 3.0, 0.4  # s
 JOINTS = tuple(f'joint{number}' for number in range(1, 7))
+ENDED = 'the edge ended'
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 TOPICS = [
     ('/tactile/image', TactileImage, qos_profile_sensor_data),
@@ -92,8 +94,8 @@ def state_at(seconds):
     if seconds < APPROACH + TRACK:
         return ServoStatus.TRACK, 'contact'
     if seconds < APPROACH + TRACK + RETREAT:
-        return ServoStatus.RETREAT, 'the edge ended'
-    return ServoStatus.DONE, 'the edge ended'
+        return ServoStatus.RETREAT, ENDED
+    return ServoStatus.DONE, ENDED
 
 
 def messages(scene):
@@ -161,6 +163,7 @@ def _cycle(scene, time):
     tracking = state == ServoStatus.TRACK
     status = ServoStatus(
         controller='resolved_rate', state=state, reason=reason,
+        reason_code=ReasonCode.EDGE_ENDED if reason == ENDED else ReasonCode.NONE,
         contact_stamp=stamp_from_ns(picture), contact_fresh=True, joints_fresh=True,
         lateral_error=-lateral_at(seconds) if tracking else float('nan'), angle_error=0.0,
         normal_force=FORCE if tracking else 0.0, force_target=FORCE,

@@ -38,7 +38,7 @@ def changed(run, **statuses):
 
 
 def test_summary_of_a_run(run, scene):
-    summary = summarise(run, scene, success=True, seed=3, reason_code=ReasonCode.EDGE_ENDED)
+    summary = summarise(dataclasses.replace(run, parameters={'mock_sensor': {'seed': 3}}), scene)
     assert set(summary) == DESIGN_KEYS
     assert summary['ok'] is True
     assert (summary['state'], summary['reason']) == ('done', 'the edge ended')
@@ -58,7 +58,7 @@ def test_summary_of_a_run(run, scene):
 
 
 def test_lateral_errors_are_those_of_the_true_edge(run, scene):
-    summary = summarise(run, scene, success=True)
+    summary = summarise(run, scene)
     settled = np.arange(APPROACH + 0.01 / SPEED, APPROACH + TRACK, 1 / 400)
     expected = np.abs(lateral_at(settled))
     assert summary['lateral_rms'] == pytest.approx(np.sqrt(np.mean(expected**2)), rel=0.02)
@@ -66,25 +66,26 @@ def test_lateral_errors_are_those_of_the_true_edge(run, scene):
     assert summary['lateral_transient_max'] == pytest.approx(3e-3, rel=0.01)
     # What the servo believes does not matter.
     blind = changed(run, lateral_error=np.zeros_like(run.statuses.lateral_error))
-    assert summarise(blind, scene, success=True) == summary
+    assert summarise(blind, scene) == summary
 
 
 def test_rebuilt_outline_is_compared_with_the_true_edge(run, empty, scene):
-    summary = summarise(run, scene, success=True)
+    summary = summarise(run, scene)
     assert summary['contour_max_error'] == pytest.approx(CONTOUR_OFF, rel=1e-6)
     assert not summary['closed'] and summary['corners'] == []
     (side,) = summary['sides']
     assert side['kind'] == 'line'
     assert side['length'] == pytest.approx(SPEED * TRACK, abs=1.1e-3)
-    without = summarise(empty, scene, success=True)
+    without = summarise(empty, scene)
     assert np.isnan(without['contour_max_error']) and without['sides'] == []
 
 
 def test_forces_are_those_on_the_pad(run, scene):
-    summary = summarise(run, scene, success=True)
+    summary = summarise(run, scene)
     assert summary['force_max'] == pytest.approx(FORCE, rel=1e-3)
     assert summary['force_rms_error'] < 2e-3
-    doubled = summarise(run, scene, success=True, force=2.0 * FORCE)
+    doubled = summarise(changed(
+        run, force_target=2.0 * run.statuses.force_target), scene)
     assert doubled['force_rms_error'] == pytest.approx(FORCE, rel=1e-3)
 
 
@@ -97,14 +98,14 @@ def test_force_error_leaves_out_where_the_edge_ends_under_the_pad(run, scene):
     real = truth(shifted, scene)
     short = real.settled & ~real.on_target
     assert short.any() and real.force[short].min() < 0.8 * FORCE
-    assert summarise(shifted, scene, success=True)['force_rms_error'] < 2e-3
+    assert summarise(shifted, scene)['force_rms_error'] < 2e-3
 
 
 def test_a_pad_that_coasts_beyond_the_end_is_not_beside_the_edge(run, scene):
     poses = run.poses.matrix.copy()
     poses[:, 1, 3] += 0.2 - 0.1  # comes 10 mm beyond the end of the edge
     shifted = dataclasses.replace(run, poses=dataclasses.replace(run.poses, matrix=poses))
-    assert summarise(shifted, scene, success=True)['lateral_max'] < 2e-3
+    assert summarise(shifted, scene)['lateral_max'] < 2e-3
 
 
 def test_latency_runs_from_the_last_byte_to_the_command(run, scene):
@@ -113,34 +114,35 @@ def test_latency_runs_from_the_last_byte_to_the_command(run, scene):
     assert len(stamps) == pytest.approx(TRACK * 200, abs=2)
     assert (np.diff(stamps) == 5_000_000).all()
     late = run.statuses.latency + 0.0015 * (run.statuses.progress > 0.5 * SPEED * TRACK)
-    summary = summarise(changed(run, latency=late), scene, success=True)
+    summary = summarise(changed(run, latency=late), scene)
     assert summary['latency_p50'] == pytest.approx(LATENCY + 0.00075, abs=0.0008)
     assert summary['latency_p99'] == pytest.approx(LATENCY + 0.0015, abs=1e-5)
 
 
 def test_ok_needs_the_action_and_the_edge(run, scene):
-    assert not summarise(run, scene, success=False, reason='overload')['ok']
+    refused = changed(run, reason_code=np.full_like(
+        run.statuses.reason_code, ReasonCode.CANCELLED))
+    assert not summarise(refused, scene)['ok']
     away = run.poses.matrix.copy()
     away[:, 0, 3] += 0.004
     lost = dataclasses.replace(run, poses=dataclasses.replace(run.poses, matrix=away))
-    summary = summarise(lost, scene, success=True)
+    summary = summarise(lost, scene)
     assert not summary['ok'] and 'not led along the edge' in summary['reason']
 
 
 def test_ok_needs_the_way_that_the_servo_claims(run, scene):
     boast = changed(run, progress=2.0 * run.statuses.progress)
-    assert not summarise(boast, scene, success=True)['ok']
+    assert not summarise(boast, scene)['ok']
 
 
 def test_run_that_never_touched(run, scene):
     summary = summarise(
-        changed(run, state=np.full_like(run.statuses.state, State.APPROACH)), scene,
-        success=False, reason='no contact within 0.03 m')
+        changed(run, state=np.full_like(run.statuses.state, State.APPROACH)), scene)
     assert not summary['ok'] and summary['state'] == 'approach'
     assert np.isnan(summary['lateral_rms']) and summary['tracked_length'] == 0.0
 
 
 def test_empty_recording_gives_a_summary(empty, scene):
-    summary = summarise(empty, scene, success=False)
+    summary = summarise(empty, scene)
     assert set(summary) == DESIGN_KEYS and not summary['ok']
     json.loads(to_json(summary))

@@ -9,6 +9,7 @@ from edge_tracking.recording.run import Contacts, Images, Poses, RunData, Status
 from edge_tracking.recording.summary import shape_of_surface, summarise, truth
 from edge_tracking.report.page import make_report, Shown
 from tactile_sensing.dome.skin import SkinConfig
+from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_simulation.scene import load_scene
@@ -67,7 +68,9 @@ def rolled(scene, outward):
     told = {field.name: np.zeros(count, getattr(Statuses.of([]), field.name).dtype)
             for field in fields(Statuses)}
     told.update(stamp_ns=stamps, controller=np.full(count, 'law', object),
-                state=np.full(count, State.TRACK), progress=np.linspace(0.0, 0.04, count))
+                state=np.full(count, State.TRACK), progress=np.linspace(0.0, 0.04, count),
+                reason=np.full(count, 'length reached', object), force_target=np.full(count, 5.0),
+                reason_code=np.full(count, ReasonCode.LENGTH_REACHED))
     return RunData('/tactile', stamps[0], Images.of([], frames=np.empty((0, 0, 0)), array=None,
                                                     unit=''),
                    Contacts.of([]), Statuses(**told), Poses(stamps, poses), np.zeros((0, 3)),
@@ -81,13 +84,13 @@ def test_a_run_over_a_ball_is_measured_against_it(tmp_path):
     way = np.column_stack([0.1 * np.sin(20.0 * angle), np.sin(angle), np.cos(angle)])
     run = rolled(scene, way / np.linalg.norm(way, axis=1, keepdims=True))
     real = truth(run, scene)
-    summary = summarise(run, scene, real, success=True, reason='length reached', force=5.0)
+    summary = summarise(run, scene, real)
     assert summary['ok'] and summary['contact_kept'] == 1.0 and not summary['broken']
     assert summary['surface_max'] < 1e-9 and summary['centre_max'] < 1e-8  # as it was made up
     assert np.ptp(real.force) < 1e-6 and summary['force_max'] > 1.0
     assert summary['surface_radius'] == pytest.approx(RADIUS, rel=0.01)
     fragile = replace(scene, touch=replace(scene.touch, fragile=1.0))
-    broken = summarise(run, fragile, real, success=True, reason='length reached', force=5.0)
+    broken = summarise(run, fragile, real)
     assert not broken['ok'] and broken['reason'].endswith('; but what was touched has broken')
     make_report(tmp_path / 'report.html', Shown('bag', run, summary, scene, real))
     page = (tmp_path / 'report.html').read_text('utf-8')

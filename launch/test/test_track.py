@@ -8,6 +8,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool
 from unique_identifier_msgs.msg import UUID
 
+from edge_tracking import track as track_module
 from edge_tracking.graph import Graph
 from edge_tracking.track import Exit, TrackNode
 from tactile_msgs.action import TrackEdge
@@ -87,8 +88,9 @@ def test_a_goal_cancelled_before_it_is_accepted_is_cancelled_then(graph):
     assert track.exit == Exit.NOT_TRACKED
 
 
-def test_a_servo_that_falls_silent_ends_the_client(graph):
-    servo, track = graph.add(Servo), graph.add(TrackNode, silence=0.5)
+def test_a_servo_that_falls_silent_ends_the_client(graph, monkeypatch):
+    monkeypatch.setattr(track_module, 'SILENCE', 0.5)
+    servo, track = graph.add(Servo), graph.add(TrackNode)
     wait(graph, track._client.server_is_ready)
     track._seen = track._tared = track._felt = track._robot = True
     wait(graph, lambda: servo.goals)  # and not a word more

@@ -14,7 +14,7 @@ from sensor_msgs.msg import Image
 
 from edge_tracking.graph import Graph
 from edge_tracking.view import drawn, ESTIMATE, main, PALETTE, ViewNode
-from edge_tracking.web.page import INVALID, levels, make_page
+from edge_tracking.web.page import INVALID, levels
 from edge_tracking.web.server import Server
 from tactile_common.errors import ConfigurationError
 
@@ -81,12 +81,6 @@ def test_a_port_that_is_taken_is_refused(capsys):
         assert main(['--port', str(server.server_address[1])]) == 2
         assert 'cannot be served' in capsys.readouterr().err
     assert main(['--port', '123456']) == 2
-
-
-def test_data_cannot_end_their_element():
-    page = make_page(HOSTILE, '', {'a': HOSTILE}, ('tactile.js',))
-    assert HOSTILE not in page and page.count('</script>') == 2
-    assert json.loads(page.partition('id="data">')[2].partition('<')[0])['a'] == HOSTILE
 
 
 def test_levels_round_and_mark_what_is_missing():

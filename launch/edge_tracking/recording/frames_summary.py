@@ -1,4 +1,5 @@
 """Summary of a recording of sensor frames: force over time, and presses."""
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -113,3 +114,16 @@ def summarise_recording(run: RunData) -> dict[str, Any]:
         'latency_p50': percentile(run.contacts.latency, 50),
         'latency_p99': percentile(run.contacts.latency, 99),
     }
+
+
+def describe_recording(summary: Mapping[str, Any]) -> str:
+    """Return the summary of a recording as text for the terminal."""
+    lines = [f'{summary["frames"]} pictures of {summary["rows"]} x {summary["columns"]} at '
+             f'{summary["sensor_rate"]:.1f} Hz, {summary["lost_frames"]} lost, '
+             f'{summary["presses"]} presses']
+    for start, lasted, peak, (x, y) in zip(
+            summary['press_times'], summary['press_durations'], summary['press_peaks'],
+            summary['press_centres'], strict=True):
+        lines.append(f'  peak at {start:6.1f} s, pressed {lasted:4.1f} s, {peak:.4g} '
+                     f'{summary["force_unit"]}, centre ({1e3 * x:+.2f}, {1e3 * y:+.2f}) mm')
+    return '\n'.join(lines)

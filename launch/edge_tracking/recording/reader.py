@@ -1,6 +1,8 @@
 """Reader of a run from its recording: converts messages to arrays."""
 from array import array
 from collections import Counter, defaultdict
+from collections.abc import Callable
+import json
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ from edge_tracking.recording.settings import Settings
 from edge_tracking.recording.topics import RecordedTopics
 from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.conversions import stamp_to_ns
+from tactile_sensing.conversions import sensor_info_from_msg
 from tactile_sensing.types.array import TactelArray
 from tactile_servo.journal import Call, WITH_TEXT
 from tactile_shape.conversions import patch_from_msg
@@ -26,57 +29,45 @@ def read_run(path, namespace=None, *, joints=True) -> run.RunData:
     Without `joints` the joint states are not read. Raises a ConfigurationError if there is no
     recording, or if it contains several sensors and no namespace is given.
     """
-    with Bag(path) as bag:
+    with Bag(path) as bag, bag.clear_errors():
         topics = RecordedTopics(bag, namespace)
         wanted = {topic: name for topic, name in topics.name.items()
-                  if name in _KEPT and (joints or name != 'joint_states')}
+                  if name in _READ and (joints or name != 'joint_states')}
         every = {name: -(-bag.count(topic) // MOST) or 1 for topic, name in wanted.items()
                  if name in _THINNED}
         rows, seen = defaultdict(list), Counter()
         stamps = {name: array('q') for name in _STAMPED}
-        start = None
-        with bag.clear_errors():
-            for row in bag.messages(wanted, raw=True):
-                start, name = row.received_ns if start is None else start, wanted[row.topic]
-                if name in stamps:
-                    stamps[name].append(bag.stamp_ns(row))
-                seen[name] += 1
-                if (seen[name] - 1) % every.get(name, 1):
-                    continue
-                if name in _NEWEST:
-                    rows[name].clear()
-                rows[name] += _kept(bag, row, name)
-            contacts, statuses, poses, touches = (
-                table.of(rows[name]) for name, table in _TABLES.items())
-            return run.RunData(
-                namespace=topics.prefix,
-                start_ns=start or 0,
-                images=_images(rows['image']),
-                contacts=contacts,
-                statuses=statuses,
-                poses=poses,
-                contour=_contour(rows['contour']),
-                patches=rows['surface_patch'],
-                info=_info(rows['sensor_info']),
-                nodes=frozenset(rows['diagnostics']),
-                touches=touches,
-                joint_acceleration=_joint_acceleration(rows['joint_states']),
-                stamps={name: np.asarray(known) for name, known in stamps.items()},
-                every=every,
-                goals=rows['servo_calls'],
-                parameters=Settings.of(bag, topics).recorded,
-            )
-
-
-def _kept(bag, row, name):
-    """Return the stored values of a message; ConfigurationError if it lacks one of them."""
-    message = bag.unpacked(row)
-    try:
-        if name in _TABLES:
-            return [_TABLES[name].row(message)]
-        return _READ[name](message) if name in _READ else [message]
-    except AttributeError as error:
-        raise bag.damaged(row.topic, row.received_ns, error) from error
+        for row in bag.messages(wanted, raw=True):
+            name = wanted[row.topic]
+            if name in stamps:
+                stamps[name].append(bag.stamp_ns(row))
+            seen[name] += 1
+            if (seen[name] - 1) % every.get(name, 1):
+                continue
+            if name in _NEWEST:
+                rows[name].clear()
+            try:
+                rows[name] += _READ[name](bag.unpacked(row))
+            except AttributeError as error:
+                raise bag.damaged(row.topic, row.received_ns, error) from error
+        return run.RunData(
+            namespace=topics.prefix,
+            start_ns=bag.span[0],
+            images=_images(rows['image']),
+            contacts=run.Contacts.of(rows['contact']),
+            statuses=run.Statuses.of(rows['servo_status']),
+            poses=run.Poses.of(rows['sensor_pose']),
+            contour=np.array(rows['contour'], float).reshape(-1, 3),
+            patches=rows['surface_patch'],
+            info=next(iter(rows['sensor_info']), None),
+            nodes=frozenset(rows['diagnostics']),
+            touches=run.Poses.of(rows['surface_contact']),
+            joint_acceleration=_joint_acceleration(rows['joint_states']),
+            stamps={name: np.asarray(known) for name, known in stamps.items()},
+            every=every,
+            goals=rows['servo_calls'],
+            parameters=Settings.of(bag, topics).recorded,
+        )
 
 
 def _pressure(message):
@@ -104,32 +95,30 @@ def _images(rows):
                          array=TactelArray(*first.shape, *pitches))
 
 
-_TABLES: dict[str, Any] = {'contact': run.Contacts, 'servo_status': run.Statuses,
-                           'sensor_pose': run.Poses, 'surface_contact': run.Poses}
-_STAMPED = ('image', *_TABLES)
-_THINNED = {*_STAMPED, 'surface_patch'} - {'servo_status'}  # a state may last one message only
-_NEWEST = ('contour', 'sensor_info')  # only the newest message is needed
-
-
 def _goals(calls):
-    """Return the texts of the goals that begin in a ServoCalls message."""
+    """Return the fields of the goals that begin in a ServoCalls message."""
     named = calls.call[np.isin(calls.call, WITH_TEXT)].tolist()
-    return [text for call, text in zip(named, calls.texts, strict=False) if call == Call.START]
+    return [dict(json.loads(text)) for call, text in zip(named, calls.texts, strict=False)
+            if call == Call.START]
 
 
-# Conversions of messages that are neither stored unchanged nor rows of a table.
-_READ = {
+# Functions that return the rows of a message, by the name of its topic.
+_READ: dict[str, Callable[[Any], list[Any]]] = {
     'image': _image,
+    'contact': lambda message: [run.Contacts.row(message)],
+    'servo_status': lambda message: [run.Statuses.row(message)],
+    'sensor_pose': lambda message: [run.Poses.row(message)],
+    'surface_contact': lambda message: [run.Poses.row(message)],
+    'surface_patch': lambda message: [patch_from_msg(message)] if message.valid else [],
+    'contour': lambda message: [run.xyz(pose.pose.position) for pose in message.poses],
+    'sensor_info': lambda message: [sensor_info_from_msg(message)],
+    'joint_states': lambda message: [message],
     'diagnostics': lambda message: [
         status.name.partition(':')[0].rpartition('/')[2] for status in message.status],
-    'servo_calls': _goals,
-    'surface_patch': lambda message: [patch_from_msg(message)] if message.valid else []}
-_KEPT = {*_STAMPED, *_NEWEST, *_READ, 'joint_states'}
-
-
-def _contour(rows):
-    poses = rows[-1].poses if rows else []
-    return np.array([run.xyz(pose.pose.position) for pose in poses]).reshape(-1, 3)
+    'servo_calls': _goals}
+_STAMPED = ('image', 'contact', 'servo_status', 'sensor_pose', 'surface_contact')
+_THINNED = {*_STAMPED, 'surface_patch'} - {'servo_status'}  # a state may last one message only
+_NEWEST = ('contour', 'sensor_info')  # only the newest message is needed
 
 
 def _joint_acceleration(rows):
@@ -145,12 +134,3 @@ def _joint_acceleration(rows):
         velocities = np.array([states[k].velocity for k in new])
         return np.diff(velocities, axis=0) / np.diff(seconds)[:, None]
     return accelerations(seconds, np.array([states[k].position for k in new]))
-
-
-def _info(rows):
-    if not rows:
-        return None
-    message = rows[-1]
-    array = TactelArray(message.rows, message.columns, message.pitch_x, message.pitch_y)
-    return run.Info(sensor=message.sensor, array=array,
-                    acquisition_delay=float(message.acquisition_delay))

@@ -11,17 +11,13 @@ import numpy as np
 from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns, stamp_to_seconds
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import SensorInfo
 
 
 def _column(dtype: Any = float, shape: tuple[int, ...] = (),
             read: Callable[[Any], Any] | None = None) -> Any:
     """Declare a column: type and shape of a value, and a reader if it is not a field."""
     return field(metadata={'dtype': dtype, 'shape': shape, 'read': read})
-
-
-def _if_there(name):
-    """Return a reader of a number that older recordings lack; it is NaN there."""
-    return lambda message: getattr(message, name, np.nan)
 
 
 def _stamp():
@@ -102,17 +98,17 @@ class Statuses(Table):
     controller: np.ndarray = _column(object)
     state: np.ndarray = _column(np.int64)
     reason: np.ndarray = _column(object)
-    reason_code: np.ndarray = _column(read=_if_there('reason_code'))
+    reason_code: np.ndarray = _column(np.int64)
     contact_stamp_ns: np.ndarray = _column(
         np.int64, read=lambda message: stamp_to_ns(message.contact_stamp))
     lateral_error: np.ndarray = _column()
-    longitudinal_error: np.ndarray = _column(read=_if_there('longitudinal_error'))
+    longitudinal_error: np.ndarray = _column()
     force_target: np.ndarray = _column()
     speed: np.ndarray = _column()
     progress: np.ndarray = _column()
-    latency: np.ndarray = _column(read=_if_there('latency'))
-    cpu_time: np.ndarray = _column(read=_if_there('cpu_time'))
-    cycles: np.ndarray = _column(read=_if_there('cycles'))
+    latency: np.ndarray = _column()
+    cpu_time: np.ndarray = _column()
+    cycles: np.ndarray = _column(np.int64)
     missed_cycles: np.ndarray = _column(np.int64)
 
 
@@ -129,15 +125,6 @@ class Poses(Table):
         return self.matrix[:, :3, 3]
 
 
-@dataclass(frozen=True)
-class Info:
-    """Newest description of the sensor; fields as in SensorInfo.msg."""
-
-    sensor: str
-    array: TactelArray
-    acquisition_delay: float
-
-
 @dataclass(frozen=True, eq=False)
 class RunData:
     """One run of a sensor and its servo; arrays are empty for topics that were not recorded."""
@@ -150,13 +137,13 @@ class RunData:
     poses: Poses
     contour: np.ndarray  # (N, 3), points of the newest contour [m]
     patches: list  # every valid Patch of a surface
-    info: Info | None  # None if the recording lacks it
+    info: SensorInfo | None  # the newest; None if the recording lacks it
     joint_acceleration: np.ndarray = field(  # (K, n), from the joint states [rad/s^2]
         default_factory=lambda: np.empty((0, 0)))
     stamps: Mapping[str, np.ndarray] = field(  # stamps of all messages [ns] by topic name
         default_factory=lambda: defaultdict(partial(np.empty, 0, np.int64)))
     every: Mapping[str, int] = field(default_factory=dict)  # one of this many was read
-    goals: Sequence[str] = ()  # fields of each goal as JSON
+    goals: Sequence[Mapping[str, Any]] = ()  # fields of each goal
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by node
     nodes: frozenset[str] = frozenset()  # names of the nodes with diagnostics
     touches: Poses = field(  # contacts with a surface, z along the outward normal

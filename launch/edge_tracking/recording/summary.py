@@ -1,5 +1,4 @@
 """Summary of a recorded run: how well an edge or surface was tracked."""
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -57,13 +56,8 @@ def latencies(run: RunData) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cycle_count(statuses: Statuses, active: np.ndarray) -> int:
-    """
-    Return the number of control cycles from the first to the last active status.
-
-    Old recordings have one status per cycle.
-    """
-    told = statuses.cycles[active]
-    return int(np.ptp(told)) + 1 if told.size and np.isfinite(told).all() else len(active)
+    """Return the number of control cycles from the first to the last active status."""
+    return int(np.ptp(statuses.cycles[active])) + 1 if active.size else 0
 
 
 def cycle_rate(statuses: Statuses, active: np.ndarray) -> float:
@@ -81,18 +75,6 @@ def rebuilt_outline(run):
         return None
 
 
-@dataclass(frozen=True)
-class Asked:
-    """Goal of a run and how its action ended; None means that the recording provides it."""
-
-    success: bool
-    reason: str = ''  # if empty, the reason of the last control cycle is used
-    reason_code: int = ReasonCode.NONE
-    speed: float | None = None  # m/s
-    force: float | None = None  # N
-    seed: int | None = None  # seed of the scene's noise
-
-
 def is_of_servo(run: RunData) -> bool:
     """Return True if a servo had a goal in a run."""
     return bool((run.statuses.state != State.IDLE).any())
@@ -106,35 +88,27 @@ def goal_was_met(run: RunData) -> bool:
     return bool(len(ends) and ends[-1] < ReasonCode.PAUSED)
 
 
-def summarise(run: RunData, scene: Scene | None, real: Truth | None = None, **known
+def summarise(run: RunData, scene: Scene | None = None, real: Truth | None = None
               ) -> dict[str, Any]:
     """
     Return the summary of a run in SI units; NaN means unknown.
 
     In a scene, errors and forces are those of the scene at the recorded poses, not the sensor's;
-    they come from `real`, or from `truth` if it is missing. `ok` is True only if the action
-    succeeded and the scene's limits are kept. Without a scene there are no errors and forces.
-
-    Parameters
-    ----------
-    run : RunData
-    scene : Scene or None
-    real : Truth, optional
-    **known
-        Fields of `Asked`.
+    they come from `real`, or from `truth` if it is missing. `ok` is True only if the servo met its
+    goal and the scene's limits are kept. Without a scene there are no errors and forces.
     """
-    asked, statuses = Asked(**known), run.statuses
+    statuses, met = run.statuses, goal_was_met(run)
     tracking, _ = settled_cycles(statuses)
-    target = percentile(statuses.force_target[tracking]) if asked.force is None else asked.force
+    target = percentile(statuses.force_target[tracking])
     action = 'track_surface' if len(run.touches.stamp_ns) else 'track_edge'
     felt, shape = SHAPES[scene.action if scene else action](run)
-    told = of_servo(run, scene.name if scene else '', asked)
+    told = of_servo(run, scene.name if scene else '')
     told['too_busy'] = bool(busy(told))
     if scene is None:
-        return {'ok': asked.success, **told, 'force_target': target, **shape}
+        return {'ok': met, **told, 'force_target': target, **shape}
     world, real = scene.world(), real or truth(run, scene)
     return judged({**told, **measure(real, target, run.joint_acceleration),
-                   **world.numbers(real, felt, target), **shape}, asked.success, world)
+                   **world.numbers(real, felt, target), **shape}, met, world)
 
 
 def shape_of_edge(run: RunData) -> tuple[np.ndarray, dict[str, Any]]:
@@ -172,31 +146,35 @@ def shape_of_surface(run: RunData) -> tuple[np.ndarray, dict[str, Any]]:
 SHAPES = {'track_edge': shape_of_edge, 'track_surface': shape_of_surface}
 
 
-def of_servo(run: RunData, scene: str, asked: Asked) -> dict[str, Any]:
+def of_servo(run: RunData, scene: str) -> dict[str, Any]:
     """Return the part of a summary that comes from servo and sensor, for any action."""
     statuses, stamps = run.statuses, run.stamps['image']
     tracking, settled = settled_cycles(statuses)
     active = np.flatnonzero(statuses.state != State.IDLE)
-    last = active[-1] if active.size else None
     _, latency = latencies(run)
     begin, end = statuses.stamp_ns[tracking][[0, -1]] if tracking.any() else (0, -1)
+    last = {'state': 'idle', 'reason': 'the servo did not run', 'reason_code': 'none',
+            'missed_cycles': 0}
+    if active.size:
+        code = statuses.reason_code[active[-1]]
+        last = {'state': State(int(statuses.state[active[-1]])).name.lower(),
+                'reason': statuses.reason[active[-1]],
+                'reason_code': next(
+                    (it.name.lower() for it in ReasonCode if it == code), str(code)),
+                'missed_cycles': int(np.ptp(statuses.missed_cycles[active[[0, -1]]]))}
     return {
-        'state': State(int(statuses.state[last])).name.lower() if active.size else 'idle',
-        'reason': asked.reason or (
-            statuses.reason[last] if active.size else 'the servo did not run'),
-        'reason_code': ReasonCode(asked.reason_code).name.lower(),  # type: ignore[call-arg]
+        **last,
         'scene': scene,
         'law': str(statuses.controller[0]) if len(statuses.controller) else '',
-        'seed': asked.seed,
-        'speed': percentile(statuses.speed[settled]) if asked.speed is None else asked.speed,
+        'seed': run.parameters.get('mock_sensor', {}).get('seed'),
+        'speed': run.goals[-1].get('speed', NAN) if run.goals else percentile(
+            statuses.speed[settled]),
         'tracked_length': statuses.progress[tracking].max(initial=0.0),
         'approach_recorded': bool(tracking.any() and stamps.size and stamps[0] < begin),
         'duration': metrics.span(statuses.stamp_ns[active]),
         'sensor_rate': rate(stamps[(stamps >= begin) & (stamps <= end)]),
         'control_rate': cycle_rate(statuses, active),
         'cycles': cycle_count(statuses, active),
-        'missed_cycles': int(statuses.missed_cycles[last] - statuses.missed_cycles[active[0]])
-        if active.size else 0,
         'latency_p50': percentile(latency, 50),
         'latency_p99': percentile(latency, 99),
         'cpu_per_cycle': statuses.cpu_time[tracking].mean() if tracking.any() else NAN,

@@ -8,6 +8,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
+from edge_tracking.resources import NAMESPACE
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.message_definitions import type_name
@@ -20,7 +21,6 @@ from tactile_msgs.msg import (
     TactileImage,
 )
 
-NAMESPACE = 'tactile'
 OF_SENSORS = ('image', 'contact', 'servo_status')  # they identify a sensor's namespace
 OF_ROBOTS = ('joint_states', 'joint_trajectory')  # in any namespace
 

@@ -8,7 +8,7 @@ from time import time_ns
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rosbags.interfaces import (
     Qos,
     QosDurability,
@@ -96,8 +96,8 @@ class RecorderNode(TactileNode):
     """
     Records topics as raw bytes, without deserialisation, into a new folder.
 
-    The callbacks only append to a queue; a thread writes. `ros2 bag info` and `ros2 bag play`
-    can read the result. The diagnostics contain the topics that were received.
+    The callbacks only append to a queue; a thread writes. The diagnostics name the topics that
+    were received. `failed` says why the recording ended early; it is empty while it continues.
 
     Parameters
     ----------
@@ -105,11 +105,6 @@ class RecorderNode(TactileNode):
         Name, message class and quality of service (also for players) of each topic.
     max_waiting : int
         Messages that may wait to be written; any more are dropped and counted.
-
-    Attributes
-    ----------
-    failed : str
-        Why the recording ended early; empty while it continues.
 
     Raises
     ------
@@ -192,17 +187,9 @@ def _compressed(data: bytes) -> bytes:
 
 def _offered(qos):
     """Return the quality of service for players, in rosbags' format."""
-    keep_all = qos.history == HistoryPolicy.KEEP_ALL
     best_effort = qos.reliability == ReliabilityPolicy.BEST_EFFORT
     latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    by_topic = qos.liveliness == LivelinessPolicy.MANUAL_BY_TOPIC
-    return Qos(
-        QosHistory.KEEP_ALL if keep_all else QosHistory.KEEP_LAST,
-        qos.depth,
-        QosReliability.BEST_EFFORT if best_effort else QosReliability.RELIABLE,
-        QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
-        _INFINITE, _INFINITE,
-        QosLiveliness.MANUAL_BY_TOPIC if by_topic else QosLiveliness.AUTOMATIC,
-        _INFINITE,
-        qos.avoid_ros_namespace_conventions,
-    )
+    return Qos(QosHistory.KEEP_LAST, qos.depth,
+               QosReliability.BEST_EFFORT if best_effort else QosReliability.RELIABLE,
+               QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+               _INFINITE, _INFINITE, QosLiveliness.AUTOMATIC, _INFINITE, False)

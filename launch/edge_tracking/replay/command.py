@@ -1,16 +1,24 @@
 """The command `replay`."""
 import argparse
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
 from importlib.util import find_spec
+import json
 import math
+from multiprocessing import get_context
 from pathlib import Path
+from shutil import rmtree
 import sys
+from typing import Any
 
 from edge_tracking.replay.comparison import TOLERANCE
-from edge_tracking.replay.many import bags_in, replay_many
-from edge_tracking.replay.one import Options, replay_and_tell
-from tactile_common.command_line import between, Parser, refusing
+from edge_tracking.replay.one import describe, Options, replay_one, RESULT
+from tactile_common.command_line import between, Parser, REFUSED, refusing
 from tactile_common.errors import ConfigurationError
 from tactile_common.progress import Progress
+from tactile_servo.compile_kernels import compile_kernels
 
 
 def parser() -> argparse.ArgumentParser:
@@ -64,18 +72,88 @@ def options_of(given: argparse.Namespace) -> Options:
                    given.compare or '', tolerances, given.namespace, given.parquet)
 
 
+def bags_in(paths: Sequence[str]) -> list[Path]:
+    """Find recordings: the given ones, and all inside folders that are not recordings."""
+    found: list[Path] = []
+    for path in map(Path, paths):
+        if not path.is_dir() or (path / 'metadata.yaml').exists():
+            found.append(path)
+            continue
+        files = sorted({*path.rglob('*.mcap'), *path.rglob('*.db3')})
+        # A folder with metadata is one recording; otherwise each file is one.
+        inside = [file.parent if (file.parent / 'metadata.yaml').exists() else file
+                  for file in files]
+        found += dict.fromkeys(inside) or [path]
+    return found
+
+
+@contextmanager
+def pool_of(jobs: int, dask: str) -> Iterator[Any]:
+    """Yield an object with `submit`: a pool of processes, or a cluster."""
+    if not dask:
+        pool = ProcessPoolExecutor(jobs, mp_context=get_context('spawn'))
+        try:
+            yield pool
+        finally:
+            pool.shutdown(cancel_futures=True)
+        return
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise ConfigurationError('--dask: needs dask.distributed: pip install distributed') \
+            from error
+    with Client(dask) as client:
+        yield client
+
+
+def replay_apart(bag: Path, options: Options) -> tuple[int, str]:
+    """Replay one of many recordings, unless this was done before; return status and a text."""
+    folder = options.out and options.out / '_'.join(bag.resolve().with_suffix('').parts[1:])
+    if not folder:
+        return _replay(bag, options)
+    if (folder / RESULT).exists():
+        return json.loads((folder / RESULT).read_text())['status'], 'done before'
+    part = folder.with_name(f'{folder.name}.part')  # may be left by an interrupted replay
+    rmtree(part, ignore_errors=True)
+    ended = _replay(bag, replace(options, out=part))
+    if (part / RESULT).exists():
+        part.rename(folder)
+    return ended
+
+
+def _replay(bag: Path, options: Options) -> tuple[int, str]:
+    try:
+        compile_kernels()
+        result = replay_one(bag, options, quiet=True)
+    except (ConfigurationError, OSError) as error:
+        return REFUSED, ' '.join(str(error).split())
+    lines = describe(result).splitlines()
+    return result.status, lines[-1] if result.status else lines[0]
+
+
+def _ended(replayed: Future) -> tuple[int, str]:
+    try:
+        return replayed.result()
+    except Exception as error:  # one failure does not stop the others
+        return REFUSED, f'{type(error).__name__}: {error}'
+
+
 def main(args: list[str] | None = None) -> int:
     """Run the command; the exit status is explained by `--help`."""
     with refusing('replay') as command:
-        args = sys.argv[1:] if args is None else args
         given = parser().parse_args(args)
         options, bags = options_of(given), bags_in(given.bags)
         if len(bags) == 1 and not given.dask:
-            command.status = replay_and_tell(bags[0], options)
+            compile_kernels()
+            result = replay_one(bags[0], options)
+            print(describe(result), file=sys.stderr)
+            command.status = result.status
             return command.status
-        with Progress(len(bags)) as progress:
-            for done, row in enumerate(replay_many(bags, options, given.jobs, given.dask), 1):
-                print(f'{row.status}  {row.bag}  {row.text}')
+        with pool_of(given.jobs, given.dask) as pool, Progress(len(bags)) as progress:
+            rows = [(bag, pool.submit(replay_apart, bag, options)) for bag in bags]
+            for done, (bag, replayed) in enumerate(rows, 1):
+                status, text = _ended(replayed)
+                print(f'{status}  {bag}  {text}')
                 progress.show(done, 'replay', f'{done} of {len(bags)} bags')
-                command.status = max(command.status, row.status)
+                command.status = max(command.status, status)
     return command.status

@@ -1,12 +1,12 @@
 """Comparison of recorded and replayed messages: which fields differ, by how much, and when."""
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, is_dataclass
 import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_common.ros.conversions import NS, stamp_to_ns
+from tactile_common.ros.conversions import NS
 
 TOLERANCE = 1e-9
 # Compared topics, with their fields that depend on the machine; these are not compared.
@@ -21,15 +21,12 @@ FIRST = 10  # differences that are listed
 WAIT = 5 * NS  # time to wait for the other message of a pair
 
 
-class Difference(NamedTuple):
-    """Two values that differ."""
+class Encoded(NamedTuple):
+    """A serialised message; it is only decoded if the bytes of a pair differ."""
 
     stamp_ns: int
-    topic: str
-    field: str
-    recorded: Any
-    replayed: Any
-    size: float  # inf if they are not numbers
+    data: bytes
+    decode: Callable[[], Any]
 
 
 @dataclass
@@ -41,7 +38,7 @@ class Tally:
     end: float = -math.inf
     only: list[int] = field(default_factory=lambda: [0, 0])  # recorded, replayed
     differing: int = 0
-    fields: dict[str, list[float]] = field(default_factory=dict)  # count and largest difference
+    fields: dict[str, tuple[int, float]] = field(default_factory=dict)  # count and largest
 
 
 class Comparison:
@@ -58,47 +55,54 @@ class Comparison:
         self._waiting: tuple[dict, dict] = ({}, {})
         self._unstamped: dict[tuple[str, int], int] = {}
         self.topics: dict[str, Tally] = {}
-        self.first: list[Difference] = []
+        self.first: list[str] = []
 
-    def take(self, side: int, topic: str, message: Any, now_ns: int) -> None:
+    def take(self, side: int, topic: str, message: Encoded, now_ns: int) -> None:
         """Add a message of a side; it is compared when its partner is there."""
-        stamp = stamp_to_ns(message.header.stamp)
+        stamp = message.stamp_ns
         if not stamp:  # a window that begins on reception has no stamp
             stamp = -1 - self._unstamped.get((topic, side), 0)
             self._unstamped[topic, side] = -stamp
-        other = self._waiting[1 - side].pop((topic, stamp), None)
+        other, _ = self._waiting[1 - side].pop((topic, stamp), (None, 0))
         if other is None:
             self._waiting[side][topic, stamp] = message, now_ns
         else:
-            pair = (other[0], message)
-            self._compare(topic, stamp, *(pair if side else pair[::-1]))
+            self._compare(topic, stamp, *((other, message) if side else (message, other)))
         self._give_up(now_ns - WAIT)
 
-    def _give_up(self, before_ns: int) -> None:
+    def _give_up(self, before_ns: float) -> None:
         for side, waiting in enumerate(self._waiting):
-            while waiting and (first := next(iter(waiting.items())))[1][1] < before_ns:
-                (topic, stamp), _ = first
-                del waiting[first[0]]
+            while waiting:
+                (topic, stamp), (_, came_ns) = next(iter(waiting.items()))
+                if came_ns >= before_ns:
+                    break
+                del waiting[topic, stamp]
                 tally = self.topics.setdefault(topic, Tally())
                 tally.only[side] += tally.begin < abs(stamp) < tally.end
 
     def finish(self) -> None:
         """Process the messages without a partner after the last message."""
-        self._give_up(1 << 62)
+        self._give_up(math.inf)
 
-    def _compare(self, topic: str, stamp: int, before: Any, after: Any) -> None:
+    def _compare(self, topic: str, stamp: int, before: Encoded, after: Encoded) -> None:
         tally = self.topics.setdefault(topic, Tally())
         tally.compared += 1
         tally.begin, tally.end = min(tally.begin, abs(stamp)), max(tally.end, abs(stamp))
-        found = [(name, *pair, size) for name, *pair in unequal(before, after, COMPARED[topic])
-                 if (size := _distance(*pair)) > self._tolerance(topic, name)]
-        tally.differing += bool(found)
-        for name, one, other, size in found:
-            known = tally.fields.setdefault(name, [0, 0.0])
-            known[0] += 1
-            known[1] = max(known[1], size)
+        if before.data == after.data:
+            return
+        differs = False
+        for name, one, other in unequal(before.decode(), after.decode(), COMPARED[topic]):
+            size = distance(one, other)
+            if size <= self._tolerance(topic, name):
+                continue
+            differs = True
+            count, most = tally.fields.get(name, (0, 0.0))
+            tally.fields[name] = count + 1, max(most, size)
             if len(self.first) < FIRST:
-                self.first.append(Difference(stamp, topic, name, one, other, size))
+                at = f'{stamp / NS:.6f} s' if stamp > 0 else f'number {-stamp}'
+                self.first.append(' '.join(
+                    f'{topic} at {at}: {name} was {one}, is {other}'.split()))
+        tally.differing += differs
 
     def _tolerance(self, topic: str, name: str) -> float:
         bare = name.split('[')[0]
@@ -118,16 +122,10 @@ class Comparison:
         for topic, it in self.topics.items():
             lines.append(f'{topic:18} {it.compared:9} {it.differing:7} {it.only[0]:14} '
                          f'{it.only[1]:14}')
-            lines += [f'  {name}: {count:.0f} differ, by {most:.3g} at most'
+            lines += [f'  {name}: {count} differ, by {most:.3g} at most'
                       for name, (count, most) in sorted(
-                          it.fields.items(), key=lambda pair: -pair[1][0])[:5]]
-        for found in self.first:
-            stamp = found.stamp_ns
-            at = f'{stamp / NS:.6f} s' if stamp > 0 else f'number {-stamp}'
-            text = (f'{found.topic} at {at}: {found.field} was {found.recorded}, '
-                    f'is {found.replayed}')
-            lines.append(' '.join(text.split()))
-        return '\n'.join(lines)
+                          it.fields.items(), key=lambda item: -item[1][0])[:5]]
+        return '\n'.join([*lines, *self.first])
 
 
 def unequal(one: Any, other: Any, without: tuple[str, ...] = ()) -> Iterator[tuple[str, Any, Any]]:
@@ -142,29 +140,26 @@ def unequal(one: Any, other: Any, without: tuple[str, ...] = ()) -> Iterator[tup
             continue
         x, y = getattr(one, name), getattr(other, name, None)
         if is_dataclass(x):
-            parts: list[tuple[Any, ...]] = [('', x, y)]
+            parts = [(name, x, y)]
         elif isinstance(x, list) and isinstance(y, list) and len(x) == len(y) and x and (
                 is_dataclass(x[0])):
-            parts = [(f'[{index}]', *pair) for index, pair in enumerate(zip(x, y, strict=True))]
+            parts = [(f'{name}[{k}]', *pair) for k, pair in enumerate(zip(x, y, strict=True))]
         else:
-            if not _same(x, y):
+            if distance(x, y):
                 yield name, x, y
             continue
-        for place, *pair in parts:
-            for below, *values in unequal(pair[0], pair[1]):
-                yield f'{name}{place}.{below}', *values
+        for place, before, after in parts:
+            for below, *values in unequal(before, after):
+                yield f'{place}.{below}', *values
 
 
-def _same(one: Any, other: Any) -> bool:
-    if isinstance(one, np.ndarray) or type(one) is not type(other):
-        return np.array_equal(one, other)
-    return bool(one == other or (one != one and other != other))  # NaN
-
-
-def _distance(one: Any, other: Any) -> float:
-    """Return the difference of two values, relative if above 1; NaN only equals NaN."""
-    if isinstance(one, (str, list)) or isinstance(other, (str, list)):
-        return 0.0 if one == other else math.inf
+def distance(one: Any, other: Any) -> float:
+    """Return the difference of two values, relative if above 1; infinite if incomparable."""
+    if not isinstance(one, np.ndarray) and not isinstance(other, np.ndarray):
+        if one == other:
+            return 0.0
+        if isinstance(one, (str, list)) or isinstance(other, (str, list)):
+            return math.inf
     a, b = (np.asarray(it, dtype=float) for it in (one, other))
     if a.shape != b.shape or (np.isnan(a) != np.isnan(b)).any():
         return math.inf

@@ -1,7 +1,9 @@
 """Estimator, servo and shape estimator of a recording, fed with its messages one by one."""
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
 import json
 import math
 from types import SimpleNamespace
@@ -11,7 +13,7 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 
 from edge_tracking.parameters import SERVO
 from edge_tracking.recording.settings import Settings
-from edge_tracking.recording.topics import KINDS
+from edge_tracking.replay.output import Output
 from tactile_common.errors import TactileError
 from tactile_common.ros.bag_reader import Bag, DAMAGE, Recorded
 from tactile_common.ros.cdr import packed
@@ -45,7 +47,6 @@ from tactile_shape.nodes.shape_estimator import ShapeEstimatorConfig, ShapeTopic
 BEHIND = NS  # within this time a recorder has received all inputs that the servo used
 WAITING = 4000  # inputs of one kind that are kept until used
 UNKNOWN = Timing(math.nan, math.nan, math.nan, 0, 0)
-Emit = Callable[[str, int, bytes], None]  # topic name, time [ns] and message
 # Keys are integers, as in the messages: the lookup of an IntEnum is slow.
 _KINDS = {int(Call.SENSOR): 'sensor_info', int(Call.JOINTS): 'joint_states',
           int(Call.IMAGE): 'image', int(Call.CONTACT): 'contact'}
@@ -81,7 +82,7 @@ class Inputs:
 
 @dataclass
 class Cycle:
-    """A control cycle: the decision of the servo and its time."""
+    """A control cycle: its time and the decision of the servo."""
 
     now: float  # steady [s]
     now_ns: int
@@ -91,16 +92,13 @@ class Cycle:
 
 
 class ServoCore:
-    """A servo that repeats its recorded calls."""
+    """A servo that repeats its recorded calls; the shape estimator gets its poses and touches."""
 
-    def __init__(self, settings: Settings, inputs: Inputs, emit: Emit,
-                 on_pose: Callable[[PoseStamped], None], on_touch: Callable[[PoseStamped], None],
-                 on_cycle: Callable[[Cycle], None]):
+    def __init__(self, settings: Settings, inputs: Inputs, shape: ShapeTopics, output: Output):
         c, config = settings.config(SERVO, NodeConfig), settings.config(SERVO, ServoConfig)
         law = law_named(c.law)
         self._model, limits, box = robot_of(c)
-        self._settings, self._inputs, self._emit = settings, inputs, emit
-        self._on_pose, self._on_touch, self._on_cycle = on_pose, on_touch, on_cycle
+        self._settings, self._inputs, self._shape, self._output = settings, inputs, shape, output
         self.servo = Supervisor(self._model, limits, law.law(
             config, settings.config(SERVO, law.law.config_type)), config, box)
         self.joint_names = self._model.joint_names
@@ -142,42 +140,36 @@ class ServoCore:
     def _ask(self, call: int, time: float, value: int, text: str) -> None:
         if call == Call.TUNE:
             text = json.dumps({**json.loads(text), **self._settings.changed.get(SERVO, {})})
-        try:
+        # Some were also refused in the recording, or are so with changed settings.
+        with suppress(TactileError):
             ask_again(self.servo, call, time, value, text)
-        except TactileError:
-            pass  # it was also refused in the recording, or is so with changed settings
 
     def _see(self, call: int, time: float, stamp_ns: int, at: int) -> None:
-        seen = self._inputs.find(_KINDS[call], stamp_ns)
+        seen, servo = self._inputs.find(_KINDS[call], stamp_ns), self.servo
         if seen is None:
             return
-        servo = self.servo
-        if call == Call.SENSOR:
-            servo.see_sensor(seen)
-        elif call == Call.CONTACT:
-            servo.see_contact(seen, stamp_ns, time)
-        elif call == Call.IMAGE:
-            self._see_image(seen, time, at)
-        else:
-            try:
+        with suppress(TactileError, ValueError):  # also refused in the recording
+            if call == Call.SENSOR:
+                servo.see_sensor(seen)
+            elif call == Call.CONTACT:
+                servo.see_contact(seen, stamp_ns, time)
+            elif call == Call.IMAGE:
+                servo.see_image(seen, time)
+                self._touch(stamp_ns, at)
+            else:
                 servo.see_joints(seen, stamp_ns, time)
-            except ValueError:  # also refused in the recording
-                return
-            pose_to_msg(servo.inputs.pose, self._pose.pose)
-            set_stamp(self._pose.header.stamp, stamp_ns)
-            self._emit('sensor_pose', at, packed(self._pose))
-            self._on_pose(self._pose)
+                pose_to_msg(servo.inputs.pose, self._pose.pose)
+                set_stamp(self._pose.header.stamp, stamp_ns)
+                self._output.message('sensor_pose', at, packed(self._pose))
+                self._shape.take_pose(self._pose)
 
-    def _see_image(self, image: Any, time: float, at: int) -> None:
-        try:
-            self.servo.see_image(image, time)
-        except TactileError:  # also refused in the recording
-            return
+    def _touch(self, stamp_ns: int, at: int) -> None:
         touch = self.servo.law.touch
-        if self._maps and touch and touch.stamp_ns == image.stamp_ns:
+        if self._maps and touch and touch.stamp_ns == stamp_ns:
             message = touch_to_msg(touch, self._model.root_frame)
-            self._emit('surface_contact', at, packed(message))
-            self._on_touch(message)
+            self._output.message('surface_contact', at, packed(message))
+            if self._shape.by_servo:
+                self._shape.take_touch(message)
 
     def _end_cycle(self, at: int) -> None:
         """Emit the results of a cycle once all calls that belong to it are known."""
@@ -185,60 +177,57 @@ class ServoCore:
         if cycle is None:
             return
         if cycle.window is not None:
-            self._emit('joint_trajectory', at, trajectory_to_bytes(cycle.window))
+            self._output.message('joint_trajectory', at, trajectory_to_bytes(cycle.window))
         news = cycle.status.state, cycle.status.reason
         if cycle.told or news != (self._news or news):
             status_to_msg(cycle.status, self.servo.law.name, UNKNOWN, self._status)
             set_stamp(self._status.header.stamp, cycle.now_ns)
-            self._emit('servo_status', at, packed(self._status))
+            self._output.message('servo_status', at, packed(self._status))
         self._news = news
-        self._on_cycle(cycle)
+        self._output.cycle(cycle.now, cycle.now_ns, cycle.status, cycle.window is not None)
 
 
-@dataclass
 class Cores:
     """
-    The cores of the nodes in sequence: input messages lead to calls of `emit` and to tables.
+    The cores of the nodes in sequence.
 
     With `from_images` the contact estimator runs; otherwise the recorded contacts are used.
-    `contact_row` takes a stamp [ns] and a Contact, `cycle_row` a Cycle.
+    Messages that could not be used are listed in `faults`.
     """
 
-    bag: Bag
-    settings: Settings
-    emit: Emit
-    from_images: bool
-    contact_row: Callable[[int, Any], None]
-    cycle_row: Callable[[Cycle], None]
-    with_servo: bool = True
-    faults: list[str] = field(default_factory=list)  # messages that could not be used
-
-    def __post_init__(self) -> None:
-        settings, self.inputs = self.settings, Inputs()
+    def __init__(self, bag: Bag, settings: Settings, output: Output, from_images: bool,
+                 with_servo: bool):
+        self._bag, self._output, self._from_images = bag, output, from_images
+        self.inputs, self.faults = Inputs(), list[str]()
         self._estimator = ContactEstimator(settings.config('contact_estimator', EstimatorConfig))
         self._now_ns = 0  # time of the message that is being processed
         self._shape = ShapeTopics(self._publisher, self.faults.append, *(
             settings.config('shape_estimator', kind)
             for kind in (ShapeEstimatorConfig, LocalQuadricConfig, ModelConfig)))
-        self.servo = ServoCore(
-            settings, self.inputs, self.emit, self._shape.take_pose,
-            self._take_touch, self.cycle_row) if self.with_servo else None
+        self.servo = ServoCore(settings, self.inputs, self._shape, output) if with_servo else None
         self._contact, self._wrench = ContactMsg(), WrenchStamped()
-        self._later: deque[tuple[Recorded, Callable[..., None], tuple]] = deque()
-        self._takers = {name: taker for name in KINDS
-                        if (taker := getattr(self, f'_on_{name}', None))}
+        self._later: deque[tuple[Recorded, Callable[[], None]]] = deque()
+        self._takers: dict[str, Callable[[Recorded, Any], None]] = {
+            'image': self._on_image, 'contact': self._on_contact,
+            'sensor_info': self._on_sensor_info}
+        if self.servo:
+            self._takers |= {'joint_states': self._on_joint_states,
+                             'servo_calls': self._on_servo_calls}
+        else:
+            self._takers |= {'sensor_pose': self._on_sensor_pose,
+                             'surface_contact': self._on_surface_contact}
 
     def _publisher(self, _: Any, name: str, __: Any) -> Any:
         """Return a stand-in for a node's publisher."""
         return SimpleNamespace(
-            publish=lambda message: self.emit(name, self._now_ns, packed(message)))
+            publish=lambda message: self._output.message(name, self._now_ns, packed(message)))
 
     def take(self, name: str, row: Recorded) -> None:
         """Process a raw message of a topic; call this in the order of reception."""
         while self._later and self._later[0][0].received_ns < row.received_ns - BEHIND:
             self._do_next()
         if name in self._takers:
-            self._do(row, self._read, self._takers[name], row)
+            self._do(row, lambda: self._takers[name](row, self._bag.unpacked(row)))
 
     def finish(self) -> None:
         """Process everything that still waits."""
@@ -246,21 +235,18 @@ class Cores:
             self._do_next()
 
     def _do_next(self) -> None:
-        row, action, arguments = self._later.popleft()
+        row, action = self._later.popleft()
         self._now_ns = row.received_ns
-        self._do(row, action, *arguments)
+        self._do(row, action)
+
+    def _do(self, row: Recorded, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except (TactileError, *DAMAGE) as error:
+            self.faults.append(str(self._bag.damaged(row.topic, row.received_ns, error)))
 
     def _do_later(self, row: Recorded, action: Callable[..., None], *arguments: Any) -> None:
-        self._later.append((row, action, arguments))
-
-    def _do(self, row: Recorded, action: Callable[..., None], *arguments: Any) -> None:
-        try:
-            action(*arguments)
-        except (TactileError, *DAMAGE) as error:
-            self.faults.append(str(self.bag.damaged(row.topic, row.received_ns, error)))
-
-    def _read(self, take: Callable[[Recorded, Any], None], row: Recorded) -> None:
-        take(row, self.bag.unpacked(row))
+        self._later.append((row, partial(action, *arguments)))
 
     def _on_image(self, row: Recorded, message: Any) -> None:
         raw, stamp_ns = bytes(row.message), stamp_to_ns(message.header.stamp)
@@ -272,25 +258,25 @@ class Cores:
             image = None
         else:
             self.inputs.keep('image', stamp_ns, image)
-        if not self.from_images:
+        if not self._from_images:
             return
         contact = (self._estimator.refuse_malformed() if image is None
                    else self._estimator.estimate(image))
-        self.emit('contact', row.received_ns, packed(contact_to_msg(
+        self._output.message('contact', row.received_ns, packed(contact_to_msg(
             contact, message, row.received_ns, self._contact)))
         if contact.force_valid:
-            self.emit('wrench', row.received_ns, packed(
+            self._output.message('wrench', row.received_ns, packed(
                 contact_to_wrench(contact, message, self._wrench)))
         self._use(row, stamp_ns, contact, message.sensor)
 
     def _on_contact(self, row: Recorded, message: Any) -> None:
-        if not self.from_images:
+        if not self._from_images:
             self._use(row, stamp_to_ns(message.header.stamp), contact_from_msg(message),
                       message.sensor)
 
     def _use(self, row: Recorded, stamp_ns: int, contact: Any, sensor: str) -> None:
         self.inputs.keep('contact', stamp_ns, contact)
-        self.contact_row(stamp_ns, contact)
+        self._output.contact(stamp_ns, contact)
         self._do_later(row, self._shape.take_contact, stamp_ns, contact, sensor)
 
     def _on_sensor_info(self, row: Recorded, message: Any) -> None:
@@ -298,23 +284,17 @@ class Cores:
                          sensor_info_from_msg(message))
 
     def _on_joint_states(self, row: Recorded, message: Any) -> None:
-        if self.servo is not None:
-            positions = joint_positions(message, self.servo.joint_names)
-            if positions is not None:
-                self.inputs.keep('joint_states', stamp_to_ns(message.header.stamp), positions)
+        positions = joint_positions(message, self.servo.joint_names) if self.servo else None
+        if positions is not None:
+            self.inputs.keep('joint_states', stamp_to_ns(message.header.stamp), positions)
 
     def _on_servo_calls(self, row: Recorded, message: Any) -> None:
-        if self.servo is not None:
+        if self.servo:
             self._do_later(row, self.servo.repeat, row.received_ns, message)
 
     def _on_sensor_pose(self, row: Recorded, message: Any) -> None:
-        if self.servo is None:
-            self._do_later(row, self._shape.take_pose, message)
+        self._do_later(row, self._shape.take_pose, message)
 
     def _on_surface_contact(self, row: Recorded, message: Any) -> None:
-        if self.servo is None:
-            self._do_later(row, self._take_touch, message)
-
-    def _take_touch(self, message: Any) -> None:
         if self._shape.by_servo:
-            self._shape.take_touch(message)
+            self._do_later(row, self._shape.take_touch, message)

@@ -1,40 +1,30 @@
-"""Replay of one recording: input, output and comparison."""
+"""Replay of one recording: input, comparison and result."""
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
-import csv
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from heapq import merge
 import json
-from operator import attrgetter
 from pathlib import Path
-import sys
 import time
-from typing import Any
 
 import numpy as np
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
 
 from edge_tracking.recording.settings import Settings
-from edge_tracking.recording.topics import KINDS, RecordedTopics, topics
-from edge_tracking.recording.writer import BagWriter
-from edge_tracking.replay.comparison import COMPARED, Comparison
-from edge_tracking.replay.cores import Cores, Cycle
+from edge_tracking.recording.topics import RecordedTopics
+from edge_tracking.replay.comparison import COMPARED, Comparison, Encoded
+from edge_tracking.replay.cores import Cores
+from edge_tracking.replay.output import Output
 from tactile_common.errors import ConfigurationError
 from tactile_common.progress import Progress
 from tactile_common.ros.bag_reader import Bag, Recorded
-from tactile_common.ros.cdr import packed, unpacked
-from tactile_sensing.types.contact import REALS
-from tactile_servo.compile_kernels import compile_kernels
+from tactile_common.ros.cdr import packed
 
 QUIET = 1.0  # s without a progress bar
 MOST_FAULTS = 10  # faults that are printed
 RESULT = 'result.json'  # written to the output folder at the end
-_ERRORS = ('lateral_error', 'longitudinal_error', 'angle_error', 'normal_force', 'force_target',
-           'speed', 'progress', 'limit_scale', 'manipulability')
-CYCLES = ('stamp_ns', 'steady', 'state', 'reason_code', *_ERRORS, 'window')
-_errors_of, _reals_of = attrgetter(*_ERRORS), attrgetter(*REALS)
-CONTACTS = ('stamp_ns', 'type', 'valid', 'force_valid', 'reasons', *REALS)
 # Topics that the replay computes, by the core that computes them.
 OF_IMAGES = ('contact', 'wrench')
 OF_SHAPE = ('surface_patch', 'contour', 'markers')
@@ -99,89 +89,59 @@ class Replay:
             raise ConfigurationError(f'bag {path}: has no contact; replay it --from image')
         self._made = {*OF_SHAPE, *(OF_IMAGES if from_images else ()),
                       *(OF_SERVO if with_servo else ())}
-        self._comparison = Comparison(options.tolerances) if options.compare else None
-        self._compared = COMPARED.keys() & self._made & has.keys() if options.compare else set()
         self._reference = stack.enter_context(Bag(options.other)) if options.other else self.bag
-        self._writer: BagWriter | None = None
-        self._tables: dict[str, Any] = {}
+        self.output = Output()
+        if options.compare:
+            self.output = Output(Comparison(options.tolerances),
+                                 COMPARED.keys() & self._made & has.keys())
         if options.out is not None:
-            self._open(options.out, stack)
-        self.cores = Cores(self.bag, settings, self._emit, from_images, self._contact_row,
-                           self._cycle_row, with_servo)
+            self.output.open(options.out, self._topics.prefix.strip('/'), stack)
+        self.cores = Cores(self.bag, settings, self.output, from_images, with_servo)
         for node, values in settings.changed.items():  # also in the written recording
-            self._write('parameters', self.bag.span[0], packed(ParameterEvent(
+            self.output.copy('parameters', self.bag.span[0], packed(ParameterEvent(
                 node=f'{self._topics.prefix}/{node}', changed_parameters=[
                     Parameter(name, value=value).to_parameter_msg()
                     for name, value in values.items()])))
 
-    def _open(self, folder: Path, stack: ExitStack) -> None:
-        """Open a recording and tables in a new folder."""
-        try:
-            folder.mkdir(parents=True)
-        except OSError as error:
-            raise ConfigurationError(f'-o {folder}: {error.strerror}') from error
-        known = topics(self._topics.prefix.strip('/'))
-        self._index = {name.rpartition('/')[2]: index
-                       for index, (name, _, _) in enumerate(known)}
-        self._writer = BagWriter(folder / 'bag', known)
-        stack.callback(self._writer.close)
-        for name, columns in (('contacts', CONTACTS), ('cycles', CYCLES)):
-            file = stack.enter_context((folder / f'{name}.csv').open('w', newline=''))
-            self._tables[name] = csv.writer(file)
-            self._tables[name].writerow(columns)
-
-    def _contact_row(self, stamp_ns: int, contact: Any) -> None:
-        if self._tables:
-            self._tables['contacts'].writerow((
-                stamp_ns, int(contact.type), int(contact.valid), int(contact.force_valid),
-                int(contact.reasons), *_reals_of(contact)))
-
-    def _cycle_row(self, cycle: Cycle) -> None:
-        if self._tables:
-            status = cycle.status
-            self._tables['cycles'].writerow((
-                cycle.now_ns, cycle.now, status.state.name.lower(), int(status.reason.code),
-                *_errors_of(status), int(cycle.window is not None)))
-
-    def _write(self, name: str, time_ns: int, data: bytes) -> None:
-        if self._writer:
-            self._writer.write(self._index[name], time_ns, data)
-
-    def _emit(self, name: str, time_ns: int, data: bytes) -> None:
-        counts = self.result.counts
-        counts[name] = counts.get(name, 0) + 1
-        self._write(name, time_ns, data)
-        if self._comparison and name in self._compared:
-            self._comparison.take(1, name, unpacked(data, KINDS[name]), time_ns)
-
-    def run(self, progress: Progress) -> None:
+    def run(self, progress: Progress) -> Result:
         """Replay all messages that can be read."""
         result, (begin_ns, end_ns) = self.result, self.bag.span
         result.seconds, begun, count = 1e-9 * (end_ns - begin_ns), time.perf_counter(), 0
         for bag, name, row in self._rows():
-            if bag is self._reference and name in self._compared and self._comparison:
-                self._comparison.take(0, name, bag.unpacked(row), row.received_ns)
+            if bag is self._reference and name in self.output.compared:
+                self._compare(bag, name, row)
             if bag is self.bag and name not in self._made:
                 count += 1
-                self._write(name, row.received_ns, row.message)
+                self.output.copy(name, row.received_ns, row.message)
                 self.cores.take(name, row)
                 if not count % 1000:
                     gone = 1e-9 * (row.received_ns - begin_ns)
                     progress.show(gone, 'replay', f'{gone:.0f} of {result.seconds:.0f} s')
         self.cores.finish()
-        result.elapsed = time.perf_counter() - begun
+        result.elapsed, result.counts = time.perf_counter() - begun, dict(self.output.counts)
         result.faults += self.cores.faults
         if not count:
             result.faults.append(f'bag {result.bag}: holds no message of these topics')
-        self._judge()
+        result.notes += [f'{lost} of {name} that the servo used were not recorded'
+                         for name, lost in self.cores.inputs.lost.items()]
+        if self.cores.servo and self.cores.servo.lost_calls:
+            result.notes.append(f'{self.cores.servo.lost_calls} calls were not recorded')
+        if comparison := self.output.comparison:
+            comparison.finish()
+            result.equal, result.table = comparison.equal, comparison.table()
+        return result
+
+    def _compare(self, bag: Bag, name: str, row: Recorded) -> None:
+        if self.output.comparison:
+            self.output.comparison.take(0, name, Encoded(
+                bag.stamp_ns(row), row.message, partial(bag.unpacked, row)), row.received_ns)
 
     def _rows(self) -> Iterator[tuple[Bag, str, Recorded]]:
         """Yield the messages to replay and to compare with, in the order of reception."""
-        wanted = {self.bag: self._topics.name.keys() - {
-            topic for topic, name in self._topics.name.items() if name in self._made}}
+        names = self._topics.name
+        wanted = {self.bag: {topic for topic in names if names[topic] not in self._made}}
         wanted[self._reference] = wanted.get(self._reference, set()) | {
-            topic for topic in self._reference.topics
-            if self._topics.name.get(topic) in self._compared}
+            topic for topic in self._reference.topics if names.get(topic) in self.output.compared}
         return merge(*(self._readable(*it) for it in wanted.items()),
                      key=lambda it: it[2].received_ns)
 
@@ -193,16 +153,6 @@ class Replay:
         except ConfigurationError as error:
             self.result.faults.append(str(error))
 
-    def _judge(self) -> None:
-        result, lost = self.result, self.cores.inputs.lost
-        result.notes += [f'{count} of {name} that the servo used were not recorded'
-                         for name, count in lost.items()]
-        if self.cores.servo is not None and self.cores.servo.lost_calls:
-            result.notes.append(f'{self.cores.servo.lost_calls} calls were not recorded')
-        if self._comparison:
-            self._comparison.finish()
-            result.equal, result.table = self._comparison.equal, self._comparison.table()
-
 
 def replay_one(path: str | Path, options: Options, quiet: bool = False) -> Result:
     """Replay a recording; ConfigurationError if nothing of it can be replayed."""
@@ -211,22 +161,13 @@ def replay_one(path: str | Path, options: Options, quiet: bool = False) -> Resul
         begin, end = replay.bag.span
         with Progress(1e-9 * (end - begin) or 1.0, 1e9 if quiet else QUIET) as progress, \
                 np.errstate(all='ignore'):
-            replay.run(progress)
-    result = replay.result
+            result = replay.run(progress)
+    if options.out and options.parquet:
+        _to_parquet(options.out)
     if options.out:
-        if options.parquet:
-            _to_parquet(options.out)
         (options.out / RESULT).write_text(json.dumps(
-            {**asdict(result), 'status': result.status}, indent=1, default=str))
+            {**asdict(result), 'status': result.status}, indent=1))
     return result
-
-
-def replay_and_tell(path: str | Path, options: Options) -> int:
-    """Replay a recording, print the result on the terminal and return the exit status."""
-    compile_kernels()
-    result = replay_one(path, options)
-    print(describe(result), file=sys.stderr)
-    return result.status
 
 
 def _to_parquet(folder: Path) -> None:
@@ -249,4 +190,3 @@ def describe(result: Result) -> str:
     more = len(result.faults) - MOST_FAULTS
     return '\n'.join([*lines, *result.faults[:MOST_FAULTS],
                       *([f'and {more} faults more'] if more > 0 else [])])
-

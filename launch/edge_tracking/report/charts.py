@@ -15,8 +15,8 @@ from tactile_sensing.types.contact import ContactType
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import State
 from tactile_shape.contour.outline import Outline
-from tactile_simulation.plot import BLUE, EDGE_COLOUR, GREY, INK, ORANGE
 
+BLUE, ORANGE, GREY, INK, EDGE_COLOUR = '#1f5fa8', '#d4691e', '#7a808a', '#22262b', '#c9cdd4'
 MOST_POINTS = 4000  # per line; longer ones show smallest and largest value of each group
 LEAST_ERROR = 5e-3  # mm, smallest range of an axis of errors
 SHADES = {

@@ -7,7 +7,7 @@ from typing import Any
 from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.run import RunData
-from edge_tracking.recording.summary import goal_was_met, is_of_servo, summarise, truth
+from edge_tracking.recording.summary import is_of_servo, summarise, truth
 from edge_tracking.report.page import make_report, Shown
 from tactile_common.command_line import Help, Parser, refusing
 from tactile_common.errors import ConfigurationError
@@ -42,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
     return arguments
 
 
-def read(path: str, scene: Scene | None = None, namespace: str | None = None) -> Shown:
+def read(path: str | Path, scene: Scene | None = None, namespace: str | None = None) -> Shown:
     """Read and summarise a recording; ConfigurationError if it contains nothing to show."""
     run = read_run(path, namespace, joints=scene is not None)
     if not any(len(table.stamp_ns) for table in (
@@ -57,7 +57,7 @@ def read(path: str, scene: Scene | None = None, namespace: str | None = None) ->
 def summary_of(run: RunData, scene: Scene | None, real: Any) -> dict[str, Any]:
     """Return the summary of a servo's run or, without a servo, of the sensor's data."""
     if scene or is_of_servo(run):
-        return summarise(run, scene, real, success=goal_was_met(run))
+        return summarise(run, scene, real)
     return summarise_recording(run)
 
 

@@ -1,9 +1,9 @@
 """Report of recordings: one page, whose sections depend on the available data."""
 from collections.abc import Iterator, Mapping
 from datetime import datetime, timezone
+from html import escape
 import math
 from pathlib import Path
-import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,17 +18,8 @@ from edge_tracking.recording.frames_summary import (
 from edge_tracking.recording.frames_summary import METRICS as OF_FRAMES
 from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import is_of_servo, latencies, rebuilt_outline
-from edge_tracking.report import charts
-from edge_tracking.report.html import (
-    Badge,
-    Column,
-    listed,
-    of_this_run,
-    Player,
-    Section,
-    Table,
-    write_page,
-)
+from edge_tracking.report import charts, html
+from edge_tracking.report.html import Section
 from edge_tracking.report.player import chosen, player, stages
 from tactile_common.command_line import version_of_all
 from tactile_servo.laws.registry import DEFAULT, LAWS
@@ -38,7 +29,6 @@ LEAST = 6e-3  # m, smallest extent of the contacts with a surface
 MOST_ROWS = 100  # rows of a table
 MOCKS = {'mock_sensor', 'mock_robot'}  # nodes of a simulation
 MOST_TEXT = 200  # characters of a value
-_PLAIN = re.compile('[{}":]')
 WHAT = {'track_edge': 'Edge', 'track_surface': 'Surface'}
 
 
@@ -47,17 +37,17 @@ class Shown(NamedTuple):
 
     name: str
     run: RunData
-    summary: Mapping[str, Any]
+    summary: dict[str, Any]
     scene: Any = None  # Scene
     real: Any = None  # Truth
 
 
 def make_report(path: str | Path, *recordings: Shown) -> None:
     """Write the report of recordings, side by side, as HTML."""
-    write_page(path, [_column(it, len(recordings)) for it in recordings])
+    html.write_page(path, [_column(it, len(recordings)) for it in recordings])
 
 
-def _column(it: Shown, columns: int) -> Column:
+def _column(it: Shown, columns: int) -> html.Column:
     summary, of_servo = it.summary, is_of_servo(it.run)
     title = f'Scene \u201c{it.scene.name}\u201d' if it.scene else (
         f'Recording \u201c{it.name}\u201d')
@@ -68,18 +58,17 @@ def _column(it: Shown, columns: int) -> Column:
             'tracked' if action else 'met')
     else:
         verdict = 'Recording of a sensor' if summary['ok'] else 'No images'
-    badges = [Badge(verdict, '' if summary['ok'] else 'bad'), Badge(_origin(it), 'plain')]
     lead = f'{summary["reason"]}.{_lead(summary)} {busy(summary)}'.strip(' .') + '.'
-    return Column(title, badges, lead[0].upper() + lead[1:], _about(it), list(
-        shown(summary, METRICS if of_servo or it.scene else OF_FRAMES)), [*_sections(it, columns)])
+    head = (f'<p><span class="badge {"" if summary["ok"] else "bad"}">{escape(verdict)}</span>'
+            f'<span class="badge plain">{escape(_origin(it))}</span></p>\n'
+            f'<p>{escape(lead[0].upper() + lead[1:])}</p>\n{html.table(_about(it))}\n'
+            + html.numbers(shown(summary, METRICS if of_servo or it.scene else OF_FRAMES)))
+    return html.Column(title, head, [*_sections(it, columns)])
 
 
 def _origin(it: Shown) -> str:
-    mocks = it.run.nodes & MOCKS
-    if it.scene or mocks and (is_of_servo(it.run) or len(mocks) > 1):
+    if it.scene or it.run.nodes & MOCKS:
         return 'simulated'
-    if mocks:
-        return 'frames played by a mock'
     return 'robot' if it.run.nodes else 'simulated or robot: not recorded'
 
 
@@ -102,7 +91,8 @@ def _about(it: Shown) -> list[tuple[str, ...]]:
         rows.append(('scene', it.scene.description))
     if summary.get('seed') is not None:
         rows.append(('seed of the noise', str(summary['seed'])))
-    rows += [('goal', _short(_PLAIN.sub('', goal))) for goal in run.goals[-1:]]
+    rows += [('goal', _short(', '.join(f'{name} {value}' for name, value in goal.items())))
+             for goal in run.goals[-1:]]
     return rows + _settings(run, summary.get('law', ''))
 
 
@@ -129,35 +119,22 @@ def _short(text: str) -> str:
 
 
 def _lead(summary: Mapping[str, Any]) -> str:
-    """Return sentences about how well a path was followed, and what was felt."""
+    """Return sentences about what the numbers do not show."""
     text = ''
-    if math.isfinite(summary.get('lateral_rms', math.nan)):
-        text += (f" The pad's centre stayed within {1e3 * summary['lateral_max']:.3f} mm of the "
-                 f"true edge, {1e3 * summary['lateral_rms']:.3f} mm RMS, over "
-                 f"{1e3 * summary['tracked_length']:.0f} mm at "
-                 f"{1e3 * summary['speed_mean']:.0f} mm/s on average.")
-    if math.isfinite(summary.get('surface_rms', math.nan)):
-        text += (f' Over {1e3 * summary["tracked_length"]:.0f} mm the contacts lie within '
-                 f'{1e3 * summary["surface_max"]:.3f} mm of the true surface, '
-                 f'{1e3 * summary["surface_rms"]:.3f} mm RMS.')
     if summary.get('surface_kind', 'none') != 'none':
-        text += f' The least surface that explains them: {summary["surface_kind"]}'
-        if math.isfinite(summary['surface_radius']):
-            text += f' of {1e3 * summary["surface_radius"]:.2f} mm radius'
+        text += f' The least surface that explains the contacts: {summary["surface_kind"]}'
         if not summary['surface_seen_across']:
             text += ' (how it bends across the way was not seen)'
         text += '.'
     if not summary.get('approach_recorded', True):
         text += ' No image was recorded before first contact: the recording began late.'
     if 'contact_types' in summary:
-        count, largest = summary['presses'], summary['force_max']
-        text += f' {count} press' + ('' if count == 1 else 'es')
-        if math.isfinite(largest):
-            factor, unit = force_unit(summary['force_unit'])
-            text += f'; the largest force is {factor * largest:.4g} {unit}'
+        factor, unit = force_unit(summary['force_unit'])
         types = ', '.join(f'{count} {name}' for name, count in summary['contact_types'].items()
                           if count) or 'none'
-        text += f'. Contacts by type: {types}.'
+        if math.isfinite(summary['force_max']):
+            text += f' Largest force: {factor * summary["force_max"]:.4g} {unit}.'
+        text += f' Contacts by type: {types}.'
     return text
 
 
@@ -170,25 +147,23 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
         yield _in_scene(it)
     if of_servo:
         yield Section(
-            'Error and force', charts.over_time(
-                run, summary, place_on_pad(run, it.scene, it.real) if it.scene else None, it.real),
+            'Error and force', html.charts(charts.over_time(
+                run, summary, place_on_pad(run, it.scene, it.real) if it.scene else None,
+                it.real)),
             'By touch: what the servo measured.' + (
                 ' True: from pose and scene. The statistics count from the dashed line, 10 mm '
                 'after first contact; those of the force only while an edge crosses the whole '
                 'pad.' if it.scene else ' The dashed line is 10 mm after first contact.')
-            + ' Coloured: other states than tracking, see there.'
-            + of_this_run(summary, 'lateral_rms', 'lateral_max', 'force_target',
-                          'force_rms_error', 'force_max'))
+            + ' Coloured: other states than tracking, see there.')
         yield _states(run)
     yield from _shape(it)
     if not of_servo:
         yield from _presses(run)
     if len(latencies(run)[1]):
         yield Section(
-            'Latency', charts.latency(run, summary),
+            'Latency', html.charts(charts.latency(run, summary)),
             'From the last byte of an image at the driver to the end of the first control cycle '
-            'that used it. Later ones than the axis shows are in its last bar.'
-            + of_this_run(summary, 'latency_p50', 'latency_p99', 'missed_cycles'))
+            'that used it. Later ones than the axis shows are in its last bar.')
     yield _rates(run)
 
 
@@ -215,26 +190,25 @@ def _player(run: RunData, stamps: np.ndarray) -> Section:
         f'levels up to {data["top"]:.4g} {run.images.unit}' if count else \
         f'{len(stamps)} of {len(run.stamps["sensor_pose"])} poses'
     return Section(
-        'Player', Player(data, canvases),
+        'Player', html.player(data, canvases),
         f'Shown: {shown_of}. Blue-green: the estimate, a line where it is one, a cross where it '
         'is a point, or at the centre of pressure. Way of the pad in the base frame, to be '
         f'turned; orange: what it touched. This run: {len(run.stamps["contact"])} contacts.')
 
 
 def _in_scene(it: Shown) -> Section:
-    run, summary, scene = it.run, it.summary, it.scene
+    run, scene = it.run, it.scene
     if scene.action == 'track_surface':
         return Section(
-            'The surface that was felt', charts.felt(run, scene),
-            'Contacts, and their distance from the true surface, which only the mock sensor knows.'
-            + of_this_run(summary, 'tracked_length', 'surface_rms', 'surface_max', 'force_max'))
+            'The surface that was felt', html.charts(charts.felt(run, scene)),
+            'Contacts, and their distance from the true surface, which only the mock sensor '
+            'knows.')
     return Section(
-        'Path of the pad', charts.path(run, scene, it.real),
+        'Path of the pad', html.charts(charts.path(run, scene, it.real)),
         'Centre of the pad over the true edge, with the outline of the pad at first contact '
         f'and at the end. The run begins {1e3 * abs(scene.start.offset):.1f} mm beside the edge, '
         "which touch takes away. Positions are from the robot's forward "
-        'kinematics, errors against the scene, which only the mock sensor knows.'
-        + of_this_run(summary, 'tracked_length', 'edge_length', 'duration'))
+        'kinematics, errors against the scene, which only the mock sensor knows.')
 
 
 def _states(run: RunData) -> Section:
@@ -243,7 +217,7 @@ def _states(run: RunData) -> Section:
         (f'{run.seconds(stage.begin):.3f}', f'{1e-9 * (stage.end - stage.begin):.3f}',
          stage.state, stage.reason) for stage in told]
     return Section(
-        'States', Table(('from [s]', 'for [s]', 'state', 'reason'), rows[:MOST_ROWS]),
+        'States', html.table(rows[:MOST_ROWS], ('from [s]', 'for [s]', 'state', 'reason')),
         f'This run: {len(rows)} states' + (
             f', of which the first {MOST_ROWS} are listed.' if len(rows) > MOST_ROWS
             else '.'))
@@ -256,16 +230,14 @@ def _shape(it: Shown) -> Iterator[Section]:
             f', radius {1e3 * side.radius:.1f}' if side.kind == 'arc' else '')
             for side in found.sides)
         yield Section(
-            'Rebuilt outline', charts.outline(run, it.scene, found),
+            'Rebuilt outline', html.charts(charts.outline(run, it.scene, found)),
             'Lines, arcs and corners, as few as the contacts along the edge allow. Each contact '
             'is a point of the fitted line or, on a curve and at a corner, of the ridge of the '
             'picture, put into the base by the pose of the robot. '
-            'This run: ' + ', '.join(filter(None, (
-                f'{len(found.sides)} sides ({sides})', f'{len(found.corners)} corners',
-                listed(it.summary, 'contour_max_error', 'contour_area_error')))) + '.')
+            f'This run: {len(found.sides)} sides ({sides}), {len(found.corners)} corners.')
     # At first contact with an edge, a few contacts may look like a surface.
     if len(run.patches) and np.ptp([patch.origin for patch in run.patches], axis=0).max() > LEAST:
-        yield Section('Surface', charts.curvatures(run),
+        yield Section('Surface', html.charts(charts.curvatures(run)),
                       'Where a surface was touched: principal curvatures by the shape estimator, '
                       f'live. This run: {len(run.patches)} patches.')
 
@@ -276,7 +248,7 @@ def _presses(run: RunData) -> Iterator[Section]:
         return
     found, (scale, unit) = presses(series.force), force_unit(series.unit)
     yield Section(
-        'Force and centre of pressure', charts.pressed(run, series, found),
+        'Force and centre of pressure', html.charts(charts.pressed(run, series, found)),
         'Force is the zeroth moment of the picture. Without a calibration it is in counts '
         'times area and says nothing about newtons. The centre of pressure is shown where '
         'the force is above a tenth of its largest value. This recording: '
@@ -288,8 +260,8 @@ def _presses(run: RunData) -> Iterator[Section]:
          *(f'{1e3 * place:+.2f}' for place in series.centre_of_pressure[peak]))
         for number, (begin, peak, end) in enumerate(found[:MOST_ROWS], 1)]
     yield Section(
-        'Presses', Table(('', 'from [s]', 'for [s]', f'peak [{unit}]', 'at [s]', 'x [mm]',
-                          'y [mm]'), rows),
+        'Presses', html.table(rows, ('', 'from [s]', 'for [s]', f'peak [{unit}]', 'at [s]',
+                                     'x [mm]', 'y [mm]')),
         f'Where the centre of pressure was at the peak. This recording: {len(found)} presses.')
 
 
@@ -302,8 +274,8 @@ def _rates(run: RunData) -> Section:
                          f'{rate(stamps):.1f}', f'{percentile(gaps):.2f}', f'{gaps.max():.2f}'))
     late = 1e3 * run.contacts.latency
     return Section(
-        'Rates', Table(('topic', 'messages', 'read', 'rate [Hz]', 'gap, median [ms]',
-                        'largest [ms]'), rows),
+        'Rates', html.table(rows, ('topic', 'messages', 'read', 'rate [Hz]', 'gap, median [ms]',
+                                   'largest [ms]')),
         'By the stamps of all messages; all else is of those that were read.' + (
             f' From a stamp to the publication of its contact: {percentile(late):.2f} ms in the '
             f'median, {percentile(late, 99):.2f} ms at 99 %.' if len(late) else '')

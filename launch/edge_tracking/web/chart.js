@@ -107,4 +107,5 @@ function show(canvas, it) {
   window.addEventListener('resize', () => drawChart(canvas, it));
   drawChart(canvas, it);
 }
-document.querySelectorAll('canvas.chart').forEach((canvas, k) => show(canvas, page.charts[k]));
+document.querySelectorAll('canvas.chart').forEach(
+  canvas => show(canvas, JSON.parse(canvas.dataset.chart)));

@@ -26,7 +26,7 @@ def packed(values: Any, dtype: str) -> str:
     return b64encode(np.ascontiguousarray(values, dtype).tobytes()).decode('ascii')
 
 
-def make_page(title: str, body: str, data: Any, scripts: tuple[str, ...], *, kind: str = '',
+def make_page(title: str, body: str, scripts: tuple[str, ...], *, kind: str = '',
               connect: str = "'none'") -> str:
     """
     Return the HTML of a page.
@@ -36,8 +36,6 @@ def make_page(title: str, body: str, data: Any, scripts: tuple[str, ...], *, kin
     title : str
     body : str
         HTML in which all external text is escaped.
-    data : Any
-        JSON data that the scripts read as `page`, in addition to the colours.
     scripts : tuple of str
         Names of the scripts of this package.
     kind : str
@@ -51,11 +49,10 @@ def make_page(title: str, body: str, data: Any, scripts: tuple[str, ...], *, kin
     policy = (f"default-src 'none'; img-src data:; style-src {hashes[0]}; script-src "
               f"{' '.join(hashes[1:])}; connect-src {connect}; base-uri 'none'; "
               "form-action 'none'")
-    text = json.dumps({'colours': COLOURS, **data}, allow_nan=False).replace('<', '\\u003c')
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<title>{escape(title)}</title><style>{read[0]}</style></head>'
-        f'<body class="{kind}">\n{body}\n<script type="application/json" id="data">{text}</script>'
+        f'<body class="{kind}" data-colours="{json.dumps(COLOURS)}">\n{body}\n'
         + ''.join(f'\n<script>{script}</script>' for script in read[1:]) + '\n</body></html>\n')

@@ -47,4 +47,4 @@ function play(root, it) {
   now = it.first;
   draw();
 }
-document.querySelectorAll('.player').forEach((root, k) => play(root, page.players[k]));
+document.querySelectorAll('.player').forEach(root => play(root, JSON.parse(root.dataset.run)));

@@ -1,11 +1,11 @@
 'use strict';
 // Drawing that the report and the live view share. All text from outside goes to textContent.
-const page = JSON.parse(document.getElementById('data').textContent);
+const shades = JSON.parse(document.body.dataset.colours);
 const ESTIMATE = '#10a4b8', WAY = '#1f5fa8', INVALID = 255;
 const colours = Array.from({length: 255}, (_, level) => {
-  const place = level / 254 * (page.colours.length - 1);
-  const low = Math.min(Math.floor(place), page.colours.length - 2);
-  return page.colours[low].map((c, k) => c + (place - low) * (page.colours[low + 1][k] - c));
+  const place = level / 254 * (shades.length - 1);
+  const low = Math.min(Math.floor(place), shades.length - 2);
+  return shades[low].map((c, k) => c + (place - low) * (shades[low + 1][k] - c));
 }).concat([[223, 226, 231]]);
 
 function decoded(text, Kind) {

@@ -1,0 +1,74 @@
+"""All nodes in one process: the dry run of a machine without `ros2 launch`."""
+import argparse
+import os
+from pathlib import Path
+import sys
+
+from rclpy.exceptions import ParameterException
+
+from edge_tracking.graph import add_mocks, add_sensing, add_servo, calibrate, Graph, private_port
+from edge_tracking.parameters import check_file, names_in
+from edge_tracking.resources import NAMESPACE, share
+from edge_tracking.transport import local_environment
+from tactile_common.command_line import Help, Parser, refusing
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.runner import freeze_heap, stop_on_signals
+from tactile_sensing.devices.registry import PROTOCOLS
+from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
+from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
+from tactile_simulation.cli.simulate import LAW_HELP, SEED
+from tactile_simulation.scene import describe_scenes, find_scene, load_scene
+from tactile_simulation.world import NodeParameters
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command-line parser of the composed process."""
+    arguments = Parser(
+        prog='composed', formatter_class=Help, epilog=describe_scenes(),
+        description='Runs sensor, estimators, servo and, with the mock sensor, the mock robot '
+        'in one process. Send goals to its action, track_edge or, for a surface, track_surface, '
+        'for instance with '
+        '`ros2 run edge_tracking track --ros-args -r __ns:=/tactile`.')
+    add = arguments.add_argument
+    add('--sensor', choices=('mock', *PROTOCOLS), default='mock',
+        help='mock: synthetic sensor and robot; else the byte protocol of a real array')
+    add('--port', default='', help='serial port of a real sensor')
+    add('--scene', default='straight', help='what the mock sensor touches, see below')
+    add('--law', choices=tuple(LAWS), help=LAW_HELP)
+    add('--robot-description', default=str(share('urdf', 'puma260.urdf')),
+        help='URDF of the robot, with a link tactile_pad')
+    add('--parameters', help='parameter file')
+    add('--namespace', default=NAMESPACE, help='of sensor, estimators and servo')
+    add('--seed', type=SEED, default=0, help="of the mock sensor's noise")
+    return arguments
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the graph until it is interrupted; exit status 2 if it cannot start."""
+    with refusing('composed', ValueError, RuntimeError, ParameterException) as command:
+        options = parser().parse_args(args)
+        if options.sensor != 'mock' and not options.port:
+            raise ConfigurationError(
+                f'--sensor {options.sensor} needs --port, for instance --port /dev/ttyUSB0')
+        law, own = options.law or DEFAULT, NodeParameters()
+        if options.sensor == 'mock':
+            path = find_scene(options.scene)
+            scene = load_scene(path)
+            law, own = law_for(scene.action, options.law), scene.parameters()
+            os.environ.update(local_environment())
+        if options.parameters:
+            for text in check_file(options.parameters, names_in(options.namespace), law):
+                print(text, file=sys.stderr)
+        with private_port() as pty, stop_on_signals() as stop, \
+                Graph(options.parameters, options.namespace) as graph:
+            port = Path(options.port or pty)
+            add_servo(graph, options.robot_description, law, **own.servo)
+            graph.add(ShapeEstimatorNode, **own.shape)
+            if options.sensor == 'mock':
+                add_sensing(graph, port, calibrate(pty, scene), contact=own.contact)
+                add_mocks(graph, port, path, options.robot_description, options.seed)
+            else:
+                add_sensing(graph, port, protocol=options.sensor)
+            freeze_heap()
+            graph.spin(stop.is_set)
+    return command.status

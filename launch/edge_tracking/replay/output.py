@@ -1,0 +1,85 @@
+"""What a replay makes: messages, compared with recorded ones, a new recording and tables."""
+from collections import Counter
+from collections.abc import Collection
+from contextlib import ExitStack
+import csv
+from functools import partial
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+from edge_tracking.recording.topics import KINDS, topics
+from edge_tracking.recording.writer import BagWriter
+from edge_tracking.replay.comparison import Comparison, Encoded
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.cdr import stamp_of, unpacked
+from tactile_sensing.types.contact import Contact, REALS
+from tactile_servo.types import Status
+
+_REALS = ('lateral_error', 'longitudinal_error', 'angle_error', 'normal_force', 'force_target',
+          'speed', 'progress', 'limit_scale', 'manipulability')
+# Columns of the tables.
+CONTACTS = ('stamp_ns', 'type', 'valid', 'force_valid', 'reasons', *REALS)
+CYCLES = ('stamp_ns', 'steady', 'state', 'reason_code', *_REALS, 'window')
+
+
+class Output:
+    """
+    Takes the results of a replay.
+
+    Attributes
+    ----------
+    counts : Counter
+        Number of messages by topic.
+    comparison : Comparison or None
+    compared : collection of str
+        Names of the topics to compare.
+    """
+
+    def __init__(self, comparison: Comparison | None = None, compared: Collection[str] = ()):
+        self.counts: Counter[str] = Counter()
+        self.comparison, self.compared = comparison, compared
+        self._writer: BagWriter | None = None
+        self._tables: dict[str, Any] = {}
+
+    def open(self, folder: Path, namespace: str, stack: ExitStack) -> None:
+        """Open a recording and tables in a new folder; the stack closes them."""
+        try:
+            folder.mkdir(parents=True)
+        except OSError as error:
+            raise ConfigurationError(f'-o {folder}: {error.strerror}') from error
+        known = topics(namespace)
+        self._index = {name.rpartition('/')[2]: k for k, (name, _, _) in enumerate(known)}
+        self._writer = BagWriter(folder / 'bag', known)
+        stack.callback(self._writer.close)
+        for name, columns in (('contacts', CONTACTS), ('cycles', CYCLES)):
+            file = stack.enter_context((folder / f'{name}.csv').open('w', newline=''))
+            self._tables[name] = csv.writer(file)
+            self._tables[name].writerow(columns)
+
+    def copy(self, name: str, time_ns: int, data: bytes) -> None:
+        """Write a message of a topic to the recording."""
+        if self._writer:
+            self._writer.write(self._index[name], time_ns, data)
+
+    def message(self, name: str, time_ns: int, data: bytes) -> None:
+        """Write and compare a message that the replay has made."""
+        self.counts[name] += 1
+        self.copy(name, time_ns, data)
+        if self.comparison and name in self.compared:
+            self.comparison.take(1, name, Encoded(
+                stamp_of(data), data, partial(unpacked, data, KINDS[name])), time_ns)
+
+    def contact(self, stamp_ns: int, contact: Contact) -> None:
+        """Write a row of the contacts."""
+        if self._tables:
+            self._tables['contacts'].writerow((
+                stamp_ns, int(contact.type), int(contact.valid), int(contact.force_valid),
+                int(contact.reasons), *attrgetter(*REALS)(contact)))
+
+    def cycle(self, now: float, now_ns: int, status: Status, has_window: bool) -> None:
+        """Write a row of the control cycles."""
+        if self._tables:
+            self._tables['cycles'].writerow((
+                now_ns, now, status.state.name.lower(), int(status.reason.code),
+                *attrgetter(*_REALS)(status), int(has_window)))
