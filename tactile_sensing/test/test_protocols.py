@@ -14,7 +14,7 @@ from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCO
 # Ten million bytes as a stress run: BYTES=10000000 pytest ...
 BYTES = int(os.environ.get('BYTES', 200_000))
 OPTIONS = {'csv_lines': ('', 'stamp=us checksum=true'), 'weiss_wts': ('', 'rle=true'),
-           'weiss_dsa': ('rle=false', 'cells=200 first=100'), 'robotiq_tsf85': ('', 'crc=07')}
+           'weiss_dsa': ('rle=false', 'cells=200 first=100'), 'robotiq_tsf85': ('', 'finger=1')}
 CASES = [(name, text) for name in PROTOCOLS for text in OPTIONS.get(name, ('',))]
 # Their checksum detects faults, except one in at least 2^16.
 CHECKED = [('csv_lines', 'stamp=us checksum=true'), ('weiss_wts', ''), ('weiss_wts', 'rle=true'),
@@ -81,11 +81,6 @@ def test_what_is_encoded_is_decoded_wherever_it_is_split(case):
         assert (decoder.frames, decoder.dropped_bytes, decoder.locked) == (6, 0, True)
 
 
-def test_byte_by_byte(case):
-    counts = case.images(4)
-    assert counts_of(frames_of(case.decoder(), case.stream(counts), 1)) == counts.tolist()
-
-
 @pytest.mark.parametrize('kind', [np.uint8, np.uint16, np.int16])
 def test_counts_of_every_converter(case, kind):
     bounds = np.iinfo(kind)
@@ -93,8 +88,6 @@ def test_counts_of_every_converter(case, kind):
     low, high = carried.min, carried.max
     if case.name == 'flexitac':  # bytes or words without any other information
         low, high = -2**15, 2**16
-    if 'rle' in case.options and case.options['rle']:
-        high = weiss.HIGHEST
     counts = np.random.default_rng(3).integers(
         max(bounds.min, low), min(bounds.max, high), (6, *case.shape), kind, endpoint=True)
     decoder = case.decoder(kind=kind)
@@ -119,7 +112,7 @@ def test_garbage_is_bounded_and_the_stream_is_found_again(case):
 @pytest.mark.parametrize('garbage', [
     b'\xaa', b'\xaa\xaa\xaa\x00', b'\xaa\xaa\xaa\x00\x30\x00', b'\x9a\x00\x58\x3c', b'1,2,3',
     b'1 2 3 \r\n', b'\r\n', b'\n', bytes(40), b'\xff' * 500, bytes(range(256))], ids=repr)
-def test_after_garbage_the_next_clean_frame_but_one_comes_at_once(case, garbage):
+def test_after_garbage_no_clean_frame_but_one_is_lost(case, garbage):
     if case.name == 'flexitac':
         pytest.skip('it has no check: markers must confirm each other, see test_flexitac.py')
     counts = case.images(8)
@@ -127,9 +120,7 @@ def test_after_garbage_the_next_clean_frame_but_one_comes_at_once(case, garbage)
     head = case.device().preamble + b''.join(packets[:3]) + garbage
     decoder = case.decoder()
     assert counts_of(frames_of(decoder, head))[:3] == counts[:3].tolist()
-    frames = frames_of(decoder, b''.join(packets[3:5]))
-    assert frames and frames[-1].counts.tolist() == counts[4].tolist()
-    assert counts_of(frames_of(decoder, b''.join(packets[5:]))) == counts[5:].tolist()
+    assert counts_of(frames_of(decoder, b''.join(packets[3:])))[-4:] == counts[4:].tolist()
 
 
 def mutated(rng, data, share):
@@ -178,7 +169,7 @@ def test_no_frame_of_mutated_bytes_that_fails_its_check(case):
         seen, got = seen + len(data), got + len(frames)
         wrong = [frame for frame in frames if frame.counts.tobytes() not in sent]
         assert wrong == []
-    assert got > 0 and decoder.resyncs > 0
+    assert got > 0 and decoder.dropped_bytes > 0
 
 
 def test_frames_that_are_spoilt_are_counted_as_lost(case):
@@ -303,34 +294,35 @@ def test_crc_and_packets_of_weiss():
 
 
 def test_run_lengths_are_twelve_bits_of_value_and_four_of_how_often():
-    cells = np.array([0] * 17 + [4095, 4095, 7])
-    assert weiss.run_lengths(cells).tolist() == [0xF000, 0x2000, 0x2FFF, 0x1007]
+    words = np.array([0xF000, 0x2000, 0x2FFF, 0x1007], '<u2').tobytes()
+    payload = bytes.fromhex('0A000000 01') + words  # 10 ms, run-length coded
+    frame, = frames_of(weiss.WeissDecoder(4, 5), weiss.packet(weiss.FRAME, payload))
+    assert frame.counts.ravel().tolist() == [0] * 17 + [4095, 4095, 7]
 
 
 def test_commands_are_answered_and_refusals_explained():
-    device, decoder = weiss.WeissDevice(), weiss.WeissDecoder(4, 6, tare='01', threshold=20)
+    device, decoder = weiss.WeissDevice(), weiss.WeissDecoder(4, 6)
     commands = decoder.start(100.0) + weiss.packet(0x77)
     answer = device.answer(commands[:9]) + device.answer(commands[9:])
     decoder.receive_data(answer)
-    replies = [decoder.next_event() for _ in range(4)]
+    replies = [decoder.next_event() for _ in range(2)]
     assert all(isinstance(reply, Reply) for reply in replies)
-    assert [reply.command for reply in replies] == [0x23, 0x34, 0x21, 0x77]
-    assert [reply.payload[0] for reply in replies] == [0, 0, 0, weiss.NO_COMMAND]
+    assert [reply.command for reply in replies] == [0x21, 0x77]
+    assert [reply.payload[0] for reply in replies] == [0, weiss.NO_COMMAND]
     assert '0x77 with status 4' in decoder.explain()
     assert device.running
     device.answer(decoder.stop())
     assert not device.running
 
 
-def test_a_tag_of_a_finger_and_its_temperature():
+def test_a_tag_of_a_finger():
     case = Case('robotiq_tsf85', 'finger=1')
-    decoder = case.decoder(kind=np.uint16)
     counts = case.images(1).astype(np.uint16) * 1000
-    # A packet: start, no CRC, command, size, tag of finger 1, values; then 36 degrees.
-    frame, = frames_of(decoder, b'\x9a\x00\x58\x39\x14' + counts.astype('>u2').tobytes()
-                       + b'\x9a\x00\x58\x03\x64\x00\x24')
+    # A packet: start, no CRC, command, size, tag of finger 1, values; then a temperature.
+    frame, = frames_of(
+        case.decoder(kind=np.uint16), b'\x9a\x00\x58\x39\x14' + counts.astype('>u2').tobytes()
+        + b'\x9a\x00\x58\x03\x64\x00\x24')
     assert frame.counts.tolist() == counts[0].tolist()
-    assert decoder.temperature == 36.0
 
 
 def test_bytes_between_frames_are_counted():
@@ -338,7 +330,7 @@ def test_bytes_between_frames_are_counted():
     decoder = case.decoder()
     first, second = case.packets(case.images(2))
     assert len(frames_of(decoder, b'\n' + first + b'boot\n' + second)) == 2
-    assert (decoder.resyncs, decoder.dropped_bytes, decoder.lost_frames) == (1, 5, 1)
+    assert (decoder.dropped_bytes, decoder.lost_frames) == (5, 1)
 
 
 @pytest.mark.parametrize('name, text, reason', [

@@ -50,14 +50,13 @@ class Decoder:
     then the buffer holds at most `buffer_bound` bytes, whatever was received. Raises a
     ConfigurationError if a size is not a positive integer or `kind` is not an integer type.
 
-    `frames`, `lost_frames`, `resyncs`, `dropped_bytes` and `check_errors` are counted since the
-    start. Lost frames are estimated from the device's clock, or from the dropped bytes.
+    `frames`, `lost_frames`, `dropped_bytes` and `check_errors` are counted since the start. Lost
+    frames are estimated from the device's clock, or from the dropped bytes.
     """
 
     buffer_bound = 0
     announced = 0  # bytes of a frame that the device sends with the frame before
     tick_ns, wrap = 1, 1 << 32  # of the device's clock: unit [ns], and the ticks where it wraps
-    temperature: float | None = None  # if the device reports one [degrees Celsius]
     locked = False  # whether the decoder is in sync with the byte stream
 
     def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint8):
@@ -67,8 +66,7 @@ class Decoder:
         self.shape, self._kind = (rows, columns), np.dtype(kind)
         if self._kind.kind not in 'iu':
             raise ConfigurationError(f'kind is {self._kind}, must be a type of integers')
-        self.frames = self.lost_frames = self.resyncs = 0
-        self.dropped_bytes = self.check_errors = 0
+        self.frames = self.lost_frames = self.dropped_bytes = self.check_errors = 0
         self._buffer = bytearray()
         self._origin = 0  # position of the buffer in the stream
         self._device_ns, self._step = 0, 0.0  # device time; usual ticks from frame to frame
@@ -159,7 +157,6 @@ class Decoder:
             # frame that broke the lock is lost.
             if self.frames and missed is None:
                 missed = max(round(self._gap / piece.size), 1)
-            self.resyncs += 1
             self._gap = 0
         self.lost_frames += missed or 0
         counts.flags.writeable = False
@@ -182,12 +179,7 @@ class Decoder:
 
 
 class PacketDecoder(Decoder):
-    """
-    Decoder of packets that start with a preamble and contain their length.
-
-    If a packet is incomplete but a valid frame follows in the buffer, its length was garbage. It
-    is discarded, so that no frame has to wait for it.
-    """
+    """Decoder of packets that start with a preamble and contain their length."""
 
     PREAMBLE = b''
     HEAD = 0  # bytes up to the end of the length field
@@ -198,21 +190,17 @@ class PacketDecoder(Decoder):
             # The last bytes may be the begin of a preamble.
             rest = at if at > 0 else len(self._buffer) - len(self.PREAMBLE) + 1
             return Piece(rest, good=False) if rest > 0 else None
-        first = None
-        while at >= 0:
-            size = self._size(at) if len(self._buffer) >= at + self.HEAD else self.HEAD
-            if size <= len(self._buffer) - at:
-                piece = self._parse(bytes(self._buffer[at:at + size])) if size else None
-                if first is None:
-                    return piece or Piece(1, good=False, failed=size > 0)
-                if piece is not None and piece.counts is not None:
-                    return Piece(at, good=False, failed=True)
-            first = at if first is None else first
-            at = self._buffer.find(self.PREAMBLE, at + 1)
-        return None
+        if len(self._buffer) < self.HEAD:
+            return None
+        size = self._size()
+        if not size:
+            return Piece(1, good=False)
+        if len(self._buffer) < size:
+            return None
+        return self._parse(bytes(self._buffer[:size])) or Piece(1, good=False, failed=True)
 
-    def _size(self, at: int) -> int:
-        """Return the length of the packet at a position of the buffer; 0: invalid."""
+    def _size(self) -> int:
+        """Return the length of the packet at the head of the buffer; 0: invalid."""
         raise NotImplementedError
 
     def _parse(self, packet: bytes) -> Piece | None:

@@ -20,13 +20,13 @@ OWN = {
     'vitac': SensorProtocol(lines.VitacDecoder, lines.VitacDevice, 2_000_000),
     'weiss_wts': SensorProtocol(
         weiss.WeissDecoder, weiss.WeissDevice, 115200, np.uint16,
-        options={'rle': False, 'tare': '', 'threshold': 0, 'cells': 0, 'first': 0}),
+        options={'rle': False, 'cells': 0, 'first': 0}),
     'weiss_dsa': SensorProtocol(
         weiss.DsaDecoder, weiss.DsaDevice, 115200, np.uint16,
         options={'rle': True, 'cells': 0, 'first': 0}),
     'robotiq_tsf85': SensorProtocol(
         robotiq.TsfDecoder, robotiq.TsfDevice, 115200, np.uint16, robotiq.SHAPE,
-        options={'finger': 0, 'crc': ''}),
+        options={'finger': 0}),
 }
 _OTHERS = {point.name: point for point in entry_points(group=GROUP)}
 PROTOCOLS = (*OWN, *sorted(_OTHERS.keys() - OWN.keys()))  # names

@@ -19,11 +19,11 @@ from tactile_sensing.devices.protocol import Device, PacketDecoder, Piece, Reply
 
 PREAMBLE = b'\xaa\xaa\xaa'
 FRAME, DSA_CONFIGURE = 0x00, 0x03
-START, STOP, TARE, THRESHOLD = 0x21, 0x22, 0x23, 0x34
+START, STOP = 0x21, 0x22
 HEAD = len(PREAMBLE) + 3
 RUN_LENGTH, ACQUIRE = 0x01, 0x80  # flags
 LARGEST_REPLY = 256  # largest payload of a reply [bytes]
-LONGEST_RUN, HIGHEST = 15, 4095
+HIGHEST = 4095  # of a run-length coded count
 NO_COMMAND = 4  # status of an unknown command; 0 is success
 
 
@@ -57,20 +57,17 @@ class WeissDecoder(PacketDecoder):
     Decoder of `weiss_wts` and `weiss_dsa`.
 
     A frame may contain several matrices: `cells` is the number of all their cells (0: that of the
-    image), and the image begins at cell `first`. Answers of the device to commands are returned
-    as `Reply`. The other options are for the start command: run-length coding, the payload of a
-    tare, a threshold.
+    image), and the image begins at cell `first`. `rle` asks for run-length coding. Answers of the
+    device to commands are returned as `Reply`.
     """
 
     PREAMBLE, HEAD = PREAMBLE, HEAD
     tick_ns = 1_000_000
 
     def __init__(self, rows: int, columns: int, kind: DTypeLike = np.uint16, *, cells: int = 0,
-                 first: int = 0, dsa: bool = False, rle: bool = False, tare: str = '',
-                 threshold: int = 0):
+                 first: int = 0, dsa: bool = False, rle: bool = False):
         super().__init__(rows, columns, kind)
-        self._rle, self._tare, self._threshold = rle, tare, threshold
-        size = rows * columns
+        self._rle, size = rle, rows * columns
         self._cells, self._first, self._dsa = cells or first + size, first, dsa
         if not 0 <= first <= self._cells - size:
             raise ConfigurationError(
@@ -79,15 +76,12 @@ class WeissDecoder(PacketDecoder):
         self.buffer_bound = HEAD + self._most + 2
 
     def start(self, rate: float) -> bytes:
-        """Return the commands for tare and threshold, if requested, and for frames [Hz]."""
+        """Return the command that starts frames at a rate [Hz]."""
         if self._dsa:
             return packet(
                 DSA_CONFIGURE, struct.pack('<BH', ACQUIRE | self._rle, round(rate)), dsa=True)
-        setup = packet(TARE, bytes.fromhex(self._tare)) if self._tare else b''
-        if self._threshold:
-            setup += packet(THRESHOLD, struct.pack('<H', self._threshold))
         period = min(max(round(1e3 / rate), 1), 65535)  # ms
-        return setup + packet(START, struct.pack('<BH', self._rle, period))
+        return packet(START, struct.pack('<BH', self._rle, period))
 
     def stop(self) -> bytes:
         """Return the command that makes the device stop sending frames."""
@@ -95,8 +89,8 @@ class WeissDecoder(PacketDecoder):
             return packet(DSA_CONFIGURE, struct.pack('<BH', 0, 0), dsa=True)
         return packet(STOP)
 
-    def _size(self, at: int) -> int:
-        command, size = struct.unpack_from('<BH', self._buffer, at + len(PREAMBLE))
+    def _size(self) -> int:
+        command, size = struct.unpack_from('<BH', self._buffer, len(PREAMBLE))
         if size > self._most:
             if command == FRAME:
                 self._refuse((size - 5) // 2)
@@ -130,21 +124,17 @@ class WeissDecoder(PacketDecoder):
 
 
 class WeissDevice(Device):
-    """A sensor that sends frames after a start command, and answers every command."""
+    """A sensor that sends frames after a start command, and answers; without run-length coding."""
 
-    def __init__(self, dsa: bool = False, first: int = 0, cells: int = 0,
-                 **_: Any):
+    def __init__(self, dsa: bool = False, first: int = 0, cells: int = 0, **_: Any):
         self.running, self._dsa, self._first, self._cells = False, dsa, first, cells
-        self._flags = 0
         self._commands = WeissDecoder(1, 1, dsa=dsa)
 
     def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
         """Return a frame; the cells of other matrices are 0."""
         cells = np.zeros(max(self._cells, self._first + counts.size), np.uint16)
         cells[self._first:self._first + counts.size] = counts.ravel()
-        if self._flags & RUN_LENGTH:
-            cells = run_lengths(cells)
-        head = struct.pack('<IB', time_ns // 1_000_000 % WeissDecoder.wrap, self._flags)
+        head = struct.pack('<IB', time_ns // 1_000_000 % WeissDecoder.wrap, 0)
         return packet(FRAME, head + cells.astype('<u2').tobytes(), self._dsa)
 
     def answer(self, commands: bytes) -> bytes:
@@ -154,26 +144,13 @@ class WeissDevice(Device):
         while isinstance(event := self._commands.next_event(), Reply):
             status = 0
             if event.command in (DSA_CONFIGURE, START) and event.payload:
-                self._flags = event.payload[0] & RUN_LENGTH
                 self.running = not self._dsa or bool(event.payload[0] & ACQUIRE)
             elif event.command == STOP:
                 self.running = False
-            elif event.command not in (TARE, THRESHOLD):
+            else:
                 status = NO_COMMAND
             answer += packet(event.command, struct.pack('<H', status), self._dsa)
         return answer
-
-
-def run_lengths(cells: np.ndarray) -> np.ndarray:
-    """Return cells below 4096 as run-length words: count (four bits) and value (twelve bits)."""
-    starts = np.flatnonzero(np.diff(cells, prepend=-1))
-    words = []
-    for value, count in zip(cells[starts].tolist(), np.diff(starts, append=cells.size).tolist(),
-                            strict=True):
-        while count > 0:
-            words.append(min(count, LONGEST_RUN) << 12 | value)
-            count -= LONGEST_RUN
-    return np.array(words, np.uint16)
 
 
 DsaDecoder, DsaDevice = partial(WeissDecoder, dsa=True), partial(WeissDevice, dsa=True)
