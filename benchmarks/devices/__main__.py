@@ -42,7 +42,7 @@ def packets_of(protocol, shape, rate):
 
 def publisher_of(node, shape, rate):
     """Return a function that publishes a frame of a pad, as the driver does."""
-    pad = Pad(Calibration.uncalibrated(*shape, 1e-3, nominal_rate=rate), 50)
+    pad = Pad(Calibration.uncalibrated(*shape, 1e-3, nominal_rate=rate))
     message, topic = TactileImage(), node.create_publisher(
         TactileImage, 'image', qos_profile_sensor_data)
     return lambda image: topic.publish(image_to_msg(

@@ -2,7 +2,6 @@
 from collections.abc import Collection, Mapping
 import os
 from pathlib import Path
-import shutil
 import tempfile
 from typing import Any
 from xml.etree import ElementTree
@@ -142,11 +141,6 @@ class Nodes:
                         *self.node('tactile_simulation', 'mock_sensor', port=self.port,
                                    scene=self.scene_path)]
             driver = {'port': self.port, 'calibration': str(own), **driver}
-        if self.value['use_respawn']:
-            kept = tempfile.mkdtemp(prefix='tactile_')
-            driver = {'last_tare': str(Path(kept, 'tare.npz')), **driver}
-            actions.append(RegisterEventHandler(OnShutdown(
-                on_shutdown=lambda *_: shutil.rmtree(kept, ignore_errors=True))))
         if self.value['sensor'] != 'none':
             actions += self.node('tactile_sensing', 'driver', **driver)
         if self.value['view']:

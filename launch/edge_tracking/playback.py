@@ -91,7 +91,7 @@ def record_frames(recording: Recording, calibration: Calibration, bag: Path,
     counts, _ = recording.counts(calibration.counts, calibration.resolution)
     estimator = ContactEstimator(ParameterFile(parameters).config(
         f'/{NAMESPACE}/contact_estimator', EstimatorConfig))
-    pad, begin = Pad(calibration, tare_frames=1), time.time_ns()
+    pad, begin = Pad(calibration), time.time_ns()
     writer = BagWriter(bag, topics(NAMESPACE))
     writer.write(names['sensor_info'], begin, packed(sensor_info_to_msg(
         calibration.sensor_info(SENSOR, FRAME, begin, None, 0))))

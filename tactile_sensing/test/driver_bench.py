@@ -31,7 +31,7 @@ class Bench:
             QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self.node.create_subscription(
             DiagnosticArray, '/diagnostics', lambda it: self.reports.append(it.status[0]), 10)
-        parameters = {'tare_at_start': False, 'tare_frames': 20, **parameters}
+        parameters = {'tare_at_start': False, **parameters}
         self.driver = DriverNode(
             calibration=calibration, context=self.context, namespace=namespace,
             parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])

@@ -10,14 +10,15 @@ import numpy as np
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.counts import Counts
-from tactile_sensing.devices.tare import Tare, tare_of, TareRefusedError
-from tactile_sensing.devices.unloaded import missing_mean, QUANTISATION
+from tactile_sensing.devices.tare import MIN_TARE_FRAMES, Tare, TareRefusedError
+from tactile_sensing.devices.unloaded import missing_mean, QUANTISATION, unloaded_statistics
 from tactile_sensing.types.array import PITCH, TactelArray
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo
 from tactile_sensing.types.skin import Skin
 
 RESOLUTION = (1e-12, 1e12)
 TOLERANCE = 5 / 255  # default tolerance of a tare [share of the range of the counts]
+CHANCE = 5.0  # a mean may be off by this much by chance [standard deviations]
 Convert = Callable[[np.ndarray], tuple[Layer, int]]
 
 
@@ -162,18 +163,47 @@ class Calibration:
 
         A tactel counts as loaded if it differs from the baseline by more than the tolerance. With
         a tare `before`, it must not differ from that by more than the noise. Raises a
-        TareRefusedError, see `tare_of`.
+        TareRefusedError if there are too few frames, if a live tactel sends no number or is
+        loaded, or if the frames are not steady.
         """
         frames = np.asarray(frames)
         if frames.ndim != 3 or frames.shape[1:] != self.raw_shape:
             raise TareRefusedError(
                 f'frames have shape {frames.shape}, must be (n, {self.raw_shape[0]}, '
                 f'{self.raw_shape[1]})')
+        if len(frames) < MIN_TARE_FRAMES:
+            raise TareRefusedError(f'{len(frames)} frames, at least {MIN_TARE_FRAMES} are needed')
+        frames, counts, live = self.arrange(frames), self.counts, self.live
+        told = np.isfinite(frames).all(axis=0) | ~live
+        if not told.all():
+            row, column = np.argwhere(~told)[0]
+            raise TareRefusedError(
+                f'{np.count_nonzero(~told)} tactels send no number, the first one is row {row} '
+                f'column {column}: see dead_tactels')
+        offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
         about, tolerance = self.baseline, self.tare_tolerance or TOLERANCE * (
-            self.counts.highest - self.counts.lowest)
+            counts.highest - counts.lowest)
         if before is not None:
             about, tolerance = before.offset, before.noise_std
-        return tare_of(self.arrange(frames), self.counts, about, self.live, tolerance)
+        # Median change from frame to frame: a load that begins does not count as noise.
+        steps = np.abs(np.diff(frames[:, live].astype(np.float64), axis=0))
+        chance = CHANCE * 1.05 * float(np.median(steps)) / np.sqrt(len(frames))
+        deviation, allowed = np.where(live, offset - about, 0.0), tolerance + chance
+        worst = np.unravel_index(np.abs(deviation).argmax(), deviation.shape)
+        if abs(deviation[worst]) > allowed:
+            loaded = np.count_nonzero(np.abs(deviation) > allowed)
+            raise TareRefusedError(
+                f'under load: {loaded} tactels are off the no-load baseline, row {worst[0]} '
+                f'column {worst[1]} by {deviation[worst]:+.1f} counts, at most '
+                f'{allowed:.1f} are allowed')
+        half = len(frames) // 2
+        change = np.where(live, frames[half:].mean(axis=0) - frames[:half].mean(axis=0), 0.0)
+        allowed = 0.5 * tolerance + 2.0 * chance
+        if np.abs(change).max() > allowed:
+            raise TareRefusedError(
+                f'not steady: a tactel changes by {np.abs(change).max():.1f} counts within '
+                f'{len(frames)} frames, at most {allowed:.1f} are allowed')
+        return Tare(offset.astype(np.float32), noise.astype(np.float32), live)
 
     def converter(self, tare: Tare | None = None) -> Convert:
         """

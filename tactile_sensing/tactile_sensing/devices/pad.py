@@ -9,6 +9,7 @@ from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.tare import Tare, TareRefusedError
 from tactile_sensing.types.image import TactileImage
 
+TARE_FRAMES = 50  # averaged by a tare: a seventh of the noise of a frame
 STALE = 1.0  # older frames do not show the present pad, and make no tare [s]
 
 
@@ -16,19 +17,18 @@ class Pad:
     """
     Convert frames to images, tare, and follow the drift of the unloaded pad; thread-safe.
 
-    A tare averages `tare_frames` frames. With `at_start`, the pad is tared as soon as enough
+    A tare averages `TARE_FRAMES` frames. With `at_start`, the pad is tared as soon as enough
     frames without load have arrived. With `track_drift`, it is tared repeatedly while nothing
     touches it; a tactel that differs from its offset by more than the noise counts as a touch.
     """
 
-    def __init__(self, calibration: Calibration, tare_frames: int, at_start: bool = False,
+    def __init__(self, calibration: Calibration, at_start: bool = False,
                  track_drift: bool = False):
-        self.calibration, self._tare_frames = calibration, tare_frames
-        self._at_start, self._track = at_start, track_drift
+        self.calibration, self._at_start, self._track = calibration, at_start, track_drift
         self._lock = threading.Lock()
-        self._recent: deque[np.ndarray] = deque(maxlen=tare_frames)
+        self._recent: deque[np.ndarray] = deque(maxlen=TARE_FRAMES)
         self._seen_at = 0.0
-        self._until_tare = tare_frames
+        self._until_tare = TARE_FRAMES
         self._convert = calibration.converter()
         self.tare: Tare | None = None
         self.refusal = 'frames are awaited' if at_start else 'not asked to'  # why there is no tare
@@ -47,21 +47,16 @@ class Pad:
             stamp_ns, sequence, (layer,), self.calibration.array, tared, self.saturated)
 
     def due(self) -> bool:
-        """Return whether an automatic tare is due; at most once in `tare_frames` images."""
+        """Return whether an automatic tare is due; at most once in `TARE_FRAMES` images."""
         if not (self._at_start if self.tare is None else self._track):
             return False
-        self._until_tare = (self._until_tare - 1) % self._tare_frames
+        self._until_tare = (self._until_tare - 1) % TARE_FRAMES
         return self._until_tare == 0
 
     def forget(self) -> None:
         """Forget the recent frames; keep the tare."""
         with self._lock:
             self._recent.clear()
-
-    def resume(self, tare: Tare) -> None:
-        """Use a given tare from now on."""
-        with self._lock:
-            self.tare, self._convert = tare, self.calibration.converter(tare)
 
     def take_tare(self, anew: bool = True) -> Tare:
         """
@@ -73,14 +68,15 @@ class Pad:
         with self._lock:
             frames, age = list(self._recent), time.monotonic() - self._seen_at
         try:
-            if len(frames) < self._tare_frames:
+            if len(frames) < TARE_FRAMES:
                 raise TareRefusedError(
-                    f'no frames: {len(frames)} of {self._tare_frames} have arrived')
+                    f'no frames: {len(frames)} of {TARE_FRAMES} have arrived')
             if age > STALE:
                 raise TareRefusedError('no frames: the last one is older than a second')
             tare = self.calibration.make_tare(frames, None if anew else self.tare)
         except TareRefusedError as error:
             self.refusal = str(error)
             raise
-        self.resume(tare)
+        with self._lock:
+            self.tare, self._convert = tare, self.calibration.converter(tare)
         return tare

@@ -26,17 +26,9 @@ from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.devices.pad import Pad
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 from tactile_sensing.devices.stream import SensorStream
-from tactile_sensing.devices.tare import (
-    load_tare,
-    MIN_TARE_FRAMES,
-    save_tare,
-    Tare,
-    TareRefusedError,
-)
+from tactile_sensing.devices.tare import Tare, TareRefusedError
 from tactile_sensing.nodes.image_topic import ImageTopic
 
-MIN_BAUD = 1200  # smallest line speed [bit/s]
-TARE_KEPT = 600.0  # an older tare is not resumed, because an unloaded pad drifts [s]
 # Longest wait for the reader at the end [s]; it checks `closed` after each read of about 20 ms.
 _LAST_READ = 2.0
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -50,8 +42,8 @@ def _told(default: Any, doc: str) -> Any:
 class DriverConfig:
     """Parameters of the driver node."""
 
-    port: str = _told('', 'Serial port of the sensor, for instance /dev/ttyUSB0, or '
-                      'usb:VENDOR:PRODUCT[:SERIAL NUMBER]; must be given unless `topic` is')
+    port: str = _told('', 'Serial port of the sensor, for instance /dev/ttyUSB0; must be given '
+                      'unless `topic` is')
     topic: str = _told('', 'Topic of raw images that another driver publishes, in place of a port')
     protocol: str = one_of(
         'flexitac', f'Byte protocol of the sensor: {", ".join(PROTOCOLS)}', PROTOCOLS)
@@ -61,10 +53,6 @@ class DriverConfig:
     frame_id: str = _told('tactile_pad', 'Sensor frame')
     calibration: str = _told('', "Calibration file; empty = the protocol's, of this package")
     tare_at_start: bool = _told(True, 'Tare as soon as frames without load arrive')
-    tare_frames: int = bounded(50, 'Frames averaged by a tare', '', MIN_TARE_FRAMES, 10000)
-    last_tare: str = _told(
-        '', 'File that keeps the tare: a driver that restarts within 10 min, with a load on '
-        'the pad, uses it; empty = none')
     track_drift: bool = _told(False, 'Tare again and again while nothing touches the pad')
     autostart: bool = _told(
         True, 'Configure and activate at the start; else a lifecycle manager does')
@@ -72,9 +60,6 @@ class DriverConfig:
     def __post_init__(self) -> None:
         if not self.port and not self.topic:
             raise ConfigurationError("parameter 'port' is empty, must name a serial port")
-        if 0 < self.baud < MIN_BAUD:
-            raise ConfigurationError(
-                f"parameter 'baud' is {self.baud}, must be 0 or at least {MIN_BAUD} bit/s")
 
 
 class DriverNode(LifecycleNodeMixin, TactileNode):
@@ -117,7 +102,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         calibration = self._given or load_calibration(path or os.path.join(
             get_package_share_directory('tactile_sensing'), 'config', protocol.calibration))
         protocol.decoder(*calibration.raw_shape, calibration.counts.dtype, **self._options)
-        self._pad = Pad(calibration, config.tare_frames, config.tare_at_start, config.track_drift)
+        self._pad = Pad(calibration, config.tare_at_start, config.track_drift)
         self._delay_ns = round(calibration.acquisition_delay * 1e9)
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
@@ -199,39 +184,18 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             try:
                 tare = self._pad.take_tare(anew=False)
             except TareRefusedError:
-                if first and self._config.last_tare:
-                    self._go_on_with_last_tare()
                 return
             if first:
                 self._on_tared(tare)
 
-    def _go_on_with_last_tare(self) -> None:
-        try:
-            tare, at_ns = load_tare(self._config.last_tare, self._pad.calibration.live)
-        except ConfigurationError:  # no usable tare was saved
-            return
-        age = 1e-9 * (self.get_clock().now().nanoseconds - at_ns)
-        if 0.0 <= age <= TARE_KEPT:
-            self._pad.resume(tare)
-            self._publish_info(at_ns)
-            self.get_logger().warning(
-                f'{self._pad.refusal}; continues with the tare of {age:.0f} s ago')
-
     def _on_tared(self, tare: Tare) -> None:
-        at_ns = self.get_clock().now().nanoseconds
-        self._publish_info(at_ns)
-        if self._config.last_tare:
-            try:
-                save_tare(tare, at_ns, self._config.last_tare)
-            except OSError as error:
-                self.get_logger().warning(f'the tare is not kept: {error}')
+        self._publish_info()
         self.get_logger().info(f'tared, noise {tare.noise_std:.2f} counts')
 
-    def _publish_info(self, tared_at_ns: int = 0) -> None:
+    def _publish_info(self) -> None:
         now_ns, tare = self.get_clock().now().nanoseconds, self._pad.tare
         self._infos.publish(sensor_info_to_msg(self._pad.calibration.sensor_info(
-            self._config.sensor, self._config.frame_id, now_ns, tare,
-            (tared_at_ns or now_ns) if tare else 0)))
+            self._config.sensor, self._config.frame_id, now_ns, tare, now_ns if tare else 0)))
 
     def _on_tare(self, _: Any, response: Any) -> Any:
         # The recent images are used: waiting for new ones in a callback would block a
@@ -285,11 +249,9 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         pad.impossible = False
         yield warn, f'not tared: {pad.refusal}' if pad.tare is None else ''
         for name, reason in (
-                ('thinned_frames', 'images come too fast: more than 6 times the nominal_rate of '
-                 'the calibration'),
                 ('stalled_frames', 'images were dropped whose bytes stalled in the middle'),
-                ('skipped_frames', 'images were dropped as newer ones were there: this machine '
-                 'is too slow'),
+                ('skipped_frames', 'images were dropped as they had waited: this machine is too '
+                 'slow'),
                 ('check_errors', 'bytes arrive that fail their checksum'),
                 ('dropped_bytes', 'bytes were dropped')):
             yield warn, reason if new.get(name, 0) > 0 else ''
