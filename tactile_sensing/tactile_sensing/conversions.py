@@ -64,35 +64,26 @@ def counts_from_msg(message: Any, shape: tuple[int, int]) -> np.ndarray:
     Return the raw values (rows, columns) of an Image or a MultiArray of numbers.
 
     A MultiArray without a layout is assumed to have the given shape. Raises a TactileError if the
-    message has another shape, or its data do not match its own shape.
+    message has another shape, or its data do not match.
     """
     if hasattr(message, 'encoding'):
         if message.encoding not in ENCODINGS:
             raise TactileError(
                 f'encoding is {message.encoding!r}, must be one of {", ".join(ENCODINGS)}')
-        kind = np.dtype(ENCODINGS[message.encoding]).newbyteorder(
-            '>' if message.is_bigendian else '<')
-        found, values = (message.height, message.width), np.frombuffer(message.data, np.uint8)
-        offset, step, unit = 0, message.step, kind.itemsize
+        kind = np.dtype(ENCODINGS[message.encoding])
+        found, data = (message.height, message.width), np.frombuffer(message.data, np.uint8)
+        whole = data[:data.size // kind.itemsize * kind.itemsize]
+        values = whole.view(kind.newbyteorder('>' if message.is_bigendian else '<')).astype(kind)
     else:
-        values, kind, unit = np.asarray(message.data), None, 1
-        dims, offset = [(dim.size, dim.stride) for dim in message.layout.dim], (
-            message.layout.data_offset)
-        if len(dims) not in (0, 2):
-            raise TactileError(f'layout has {len(dims)} dimensions, must be rows and columns')
-        found = (dims[0][0], dims[1][0]) if dims else shape
-        step = (dims[1][1] if dims else 0) or found[1]
+        values = np.asarray(message.data)
+        found = tuple(dim.size for dim in message.layout.dim) or shape
     if found != shape:
-        raise TactileError(f'image is {found[0]}x{found[1]}, must be {shape[0]}x{shape[1]}, '
-                          'rows x columns of the calibration')
-    width = shape[1] * unit
-    needed = offset + (shape[0] - 1) * step + width
-    if step < width or values.size < needed:
-        raise TactileError(f'data holds {values.size} values, {needed} are needed')
-    # The last row may lack its padding.
-    values = np.concatenate([values[offset:needed], np.zeros(step - width, values.dtype)])
-    rows = np.ascontiguousarray(values.reshape(shape[0], step)[:, :width])
-    return rows if kind is None else rows.view(kind).astype(kind.newbyteorder('='))
+        raise TactileError(f'image is {"x".join(map(str, found))}, must be {shape[0]}x{shape[1]}, '
+                           'rows x columns of the calibration')
+    if values.size != math.prod(shape):
+        raise TactileError(f'data holds {values.size} values, must hold {math.prod(shape)}, '
+                           'without padding')
+    return values.reshape(shape)
 
 
 def sensor_info_to_msg(info: SensorInfo) -> Any:

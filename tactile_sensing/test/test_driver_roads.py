@@ -72,7 +72,7 @@ def test_topics_that_are_no_images_of_the_array_are_explained():
         bench.until(lambda: bench.told('is of tactile_msgs/msg/TactileImage, must be'), 'a type')
     with hearing() as bench:
         publisher = bench.node.create_publisher(UInt16MultiArray, 'raw', 5)
-        bench.until(lambda: bench.told('data holds 3 values, 12 are needed'), 'a size',
+        bench.until(lambda: bench.told('data holds 3 values, must hold 12'), 'a size',
                     lambda: publisher.publish(UInt16MultiArray(data=[1, 2, 3])))
         assert bench.images == []
 
