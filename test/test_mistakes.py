@@ -79,7 +79,7 @@ MISTAKES = [
     (fit, 'frames.npz -o out.npz --plot x.foo', '--plot: x.foo: must end in one of .'),
     (estimate, 'frames.npz -o out.npz', '--calibration is missing, or --pitch'),
     (estimate, 'frames.npz --pitch 1.27 --layers zz@0.002 -o out.npz',
-     '--pitch is 1.27, must be between 1e-06 and 0.1 m; did you mean 0.00127?'),
+     '--pitch: value is 1.27, must be between 1e-06 and 0.1 m; did you mean 0.00127?'),
     (estimate, 'frames.npz --pitch 0.00127 --layers zz@2 -o out.npz',
      'depth of zz is 2.0, must be between 1e-06 and 0.1 m; did you mean 0.002?'),
     (estimate, 'frames.npz --pitch 0.00127 --layers zy@0.002 -o out.npz',

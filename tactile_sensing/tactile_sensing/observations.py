@@ -1,6 +1,7 @@
 """Read the recorded messages of a sensor from a bag, in the order of reception."""
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from os import PathLike
 from typing import Any
 
@@ -113,12 +114,21 @@ class RecordedCounts(RecordedImages):
         return int(full).bit_length() + self.signed if full >= 1.0 and full % 1.0 == 0 else None
 
     def chunks(self, rows: int) -> Iterator[np.ndarray]:
-        """Yield chunks of frames of counts, (n, rows, columns), where n is at most `rows`."""
-        frames = []
-        for image in self:
-            frames.append(image.raw_counts()[0])
-            if len(frames) == rows:
-                yield np.array(frames)
-                frames.clear()
-        if frames:
+        """
+        Yield chunks of frames of counts, (n, rows, columns), where n is at most `rows`.
+
+        Raises a ConfigurationError if an image is tared or calibrated.
+        """
+        counts = (_raw_counts(image) for image in self)
+        while frames := list(islice(counts, rows)):
             yield np.array(frames)
+
+
+def _raw_counts(image: TactileImage) -> np.ndarray:
+    layer = image.layers[0]
+    if layer.unit != 'counts' or image.tared:
+        raise ConfigurationError(
+            'no raw counts in the pictures: start the driver with tare_at_start:=false and a '
+            'calibration of `rows`, `columns`, `pitch`, `bits`, `unit: counts` and `gain: 1` '
+            'alone')
+    return np.where(np.isnan(layer.stress), layer.full_scale, layer.stress)

@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
-from tactile_sensing.cli import estimate, estimate_options, estimate_sources
+from tactile_sensing.cli import estimate, estimate_sources
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.thesis import line
 from tactile_sensing.types.array import TactelArray
@@ -39,6 +39,7 @@ def edges(count, seed=1, depth=DEPTH):
 @pytest.fixture
 def there(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(estimate, 'QUIET', 1e9)  # no progress on a slow machine
     return tmp_path
 
 
@@ -131,29 +132,20 @@ def test_csv_equals_npz(there, monkeypatch):
             np.testing.assert_array_equal(table[name], values)
 
 
-def test_layers_dead_and_saturated_tactels(there):
+def test_layers_with_dead_tactels(there):
     frames, a = edges(6)
-    frames[:, 3, 4] = 1e7
+    frames[:, 3, 4] = frames[:, 0, 0] = np.nan
     layers = np.stack([frames, edges(6, depth=2 * DEPTH)[0]], axis=1)
     args = ['--pitch', '0.001', '0.001', '--layers', 'zz@0.002,zz@0.004']
-    assert run('--dead', '3,4;0,0', frames=layers, args=args) == 0
+    assert run(frames=layers, args=args) == 0
     found = result()
     assert found['valid'].all() and (found['reasons'] == Reason.DEAD_TACTELS).all()
     np.testing.assert_allclose(found['x'], a, atol=5e-5)
-    assert run('--full-scale', '1e6', frames=frames) == 0
-    found = result()
-    assert found['valid'].all() and (found['reasons'] & Reason.SATURATED).all()
-    np.testing.assert_allclose(found['x'], a, atol=5e-5)
-
-
-def test_input_behind_the_pitch(there):
-    np.savez('in.npz', frames=edges(1)[0])
-    assert estimate.main([*OPTIONS[2:], '-o', 'out.npz', *OPTIONS[:2], 'in.npz']) == 0
 
 
 def test_options_go_to_the_estimator():
     def config(*options):
-        return estimate_options.make_config(estimate_options.parse(
+        return estimate.make_config(estimate.parse(
             ['in.npz', *OPTIONS, '-o', 'o', *options]))
 
     assert config() == EstimatorConfig()
@@ -178,28 +170,24 @@ WORDS = {
     'fields': ({'frames': np.zeros((2, 8, 8), [('x', float)])}, [], 'must be of real numbers'),
     'one layer more': ({'frames': FRAMES}, ['--layers', 'zz@0.002,zz@0.004'], '--layers names 2'),
     'one layer less': ({'frames': FRAMES[:, None].repeat(2, 1)}, [], '--layers names 1'),
-    'pitch 0': ({'frames': FRAMES}, ['--pitch', '0'], '--pitch is 0.0, must be between 1e-06'),
-    'pitch < 0': ({'frames': FRAMES}, ['--pitch', '1e-3', '-.001'], '--pitch is -0.001, must'),
+    'pitch 0': ({'frames': FRAMES}, ['--pitch', '0'], '--pitch: value is 0.0, must be between'),
+    'pitch < 0': ({'frames': FRAMES}, ['--pitch', '1e-3', '-.001'], '--pitch: value is -0.001'),
     'pitch in mm': ({'frames': FRAMES}, ['--pitch', '1'],
-                    '--pitch is 1.0, must be between 1e-06 and 0.1 m; did you mean 0.001?'),
-    'pitch nan': ({'frames': FRAMES}, ['--pitch', 'nan'], '--pitch is nan'),
-    'pitch text': ({'frames': FRAMES}, ['--pitch', 'mm'], "--pitch is 'mm'"),
-    'three pitches': ({'frames': FRAMES}, ['--pitch', '1', '2', '3'], 'one length or two, not 3'),
+                    '--pitch: value is 1.0, must be between 1e-06 and 0.1 m; did you mean 0.001?'),
+    'pitch nan': ({'frames': FRAMES}, ['--pitch', 'nan'], '--pitch: value is nan'),
+    'pitch text': ({'frames': FRAMES}, ['--pitch', 'mm'], "--pitch: invalid float value: 'mm'"),
+    'three pitches': ({'frames': FRAMES}, ['--pitch', '.1', '.1', '.1'], 'one length or two,'),
     'depth 0': ({'frames': FRAMES}, ['--layers', 'zz@0'], 'depth of zz is 0.0, must be between'),
     'depth inf': ({'frames': FRAMES}, ['--layers', 'zz@inf'], 'depth of zz is inf'),
     'depth missing': ({'frames': FRAMES}, ['--layers', 'zz'], "depth of zz is ''"),
     'component': ({'frames': FRAMES}, ['--layers', 'zx@0.002'], "component 'zx' is not one of"),
     'no layer': ({'frames': FRAMES}, ['--layers', ''], "component '' is not one of"),
     'only shear': ({'frames': FRAMES}, ['--layers', 'xz@0.002'], 'no layer of pressure'),
-    'dead outside': ({'frames': FRAMES}, ['--dead', '1,1;2,8'], 'row 2, column 8 is outside'),
-    'dead < 0': ({'frames': FRAMES}, ['--dead=-1,0'], 'row -1, column 0 is outside'),
-    'dead text': ({'frames': FRAMES}, ['--dead', '1'], "'1' is not R,C"),
     'method': ({'frames': FRAMES}, ['--method', 'guess'], "method is 'guess', must be one of"),
     'model': ({'frames': FRAMES}, ['--model', 'sphere'], 'sphere'),
     'tactel': ({'frames': FRAMES}, ['--tactel', 'round'], 'round'),
     'noise': ({'frames': FRAMES}, ['--noise', '-1'], '--noise: value is -1.0, must be'),
-    'full scale': ({'frames': FRAMES}, ['--full-scale', 'all'],
-                   "--full-scale: invalid float value: 'all'"),
+    'noise text': ({'frames': FRAMES}, ['--noise', 'all'], "--noise: invalid float value: 'all'"),
     'unknown option': ({'frames': FRAMES}, ['--colour'], '--colour'),
     'suffix': ({'frames': FRAMES}, ['-o', 'out.txt'], 'out.txt: must end in .npz or .csv'),
     'no suffix': ({'frames': FRAMES}, ['-o', '-'], 'must end in .npz or .csv'),
@@ -220,9 +208,9 @@ def test_mistakes_cost_one_line(there, capsys, arrays, options, words):
 
 
 @pytest.mark.parametrize('args, words', [
-    ([], 'required: -o/--out'),
+    ([], ', -o/--out'),
     (['in.npz', '-o', 'out.npz'], '--calibration is missing, or --pitch'),
-    ([*OPTIONS, '-o', 'out.npz'], 'FRAMES.npz is missing'),
+    ([*OPTIONS, '-o', 'out.npz'], 'required: FRAMES.npz'),
     (['gone.npz', *OPTIONS, '-o', 'out.npz'], 'gone.npz: cannot be read: No such file'),
     (['.', '-o', 'out.npz'], 'bag .: has no metadata.yaml'),
     (['gone.mcap', '-o', 'out.npz'], 'bag gone.mcap: there is no such bag'),
@@ -332,19 +320,6 @@ def test_help_names_everything(capsys):
         estimate.main(['--help'])
     assert end.value.code == 0
     text = capsys.readouterr().out
-    types = [kind.name.lower() for kind in ContactType]
-    for name in ('frames', *OUTPUT, *Reason.__members__, *types):
+    for name in ('frames', *OUTPUT, *Reason.__members__, *ContactType.__members__):
         assert re.search(rf'\b{name}\b', text), name
-    assert set(estimate_options.FLAGS) == set(Reason)
-    assert set(estimate_options.TYPES) == set(ContactType)
     assert max(map(len, text.splitlines())) < 120
-
-
-def test_example_of_the_help_works(there):
-    code = estimate_options.EXAMPLE.split('"')[1]
-    exec('\n'.join(row[2:] for row in code.splitlines()), {})
-    options = re.search(r'estimate (frames.npz .*)', estimate_options.EXAMPLE)[1]
-    assert estimate.main(options.split()) == 0
-    found = result('contacts.npz')
-    assert (found['type'] == ContactType.LINE).all()
-    assert found['x'].mean() == pytest.approx(1e-3, abs=1e-5)

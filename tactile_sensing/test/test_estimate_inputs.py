@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from tactile_sensing.cli import estimate, estimate_options, estimate_sources
+from tactile_sensing.cli import estimate, estimate_sources
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import load_calibration, save_calibration
 from tactile_sensing.thesis import line
@@ -75,7 +75,7 @@ def test_without_a_skin_records_come_out(run):
 
 def test_without_a_skin_the_layer_says_so():
     np.save('in.npy', edges())
-    options = estimate_options.parse(['in.npy', *BARE, '--noise', '3', '-o', 'out.npz'])
+    options = estimate.parse(['in.npy', *BARE, '--noise', '3', '-o', 'out.npz'])
     layer, = estimate_sources.source_of(options).layers
     assert (layer.component, layer.depth, layer.unit) == ('zz', 0.0, 'counts')
     assert layer.noise_std == 3.0
@@ -187,13 +187,12 @@ def test_saturated_counts_are_no_dead_tactels(run):
     frames = np.minimum(counts(1.9 * edges(1)), 1023)
     assert 0 < (frames == 1023).sum() < 40
     np.savez('in.npz', frames=frames)
-    for more in ([], ['--full-scale', f'{3.0 * PEAK}']):  # above all readings
-        told = run('in.npz', *calibrate(), *more)['reasons']
-        assert told & Reason.SATURATED and not told & Reason.DEAD_TACTELS
-        options = estimate_options.parse(['in.npz', *calibrate(), *more, '-o', 'out.npz'])
-        source = estimate_sources.source_of(options)
-        stress, layer = source.to_stress(frames), source.layers[0]
-        np.testing.assert_array_equal(stress >= layer.full_scale, frames == 1023)
+    told = run('in.npz', *calibrate())['reasons']
+    assert told & Reason.SATURATED and not told & Reason.DEAD_TACTELS
+    source = estimate_sources.source_of(
+        estimate.parse(['in.npz', *calibrate(), '-o', 'out.npz']))
+    stress, layer = source.to_stress(frames, 0), source.layers[0]
+    np.testing.assert_array_equal(stress >= layer.full_scale, frames == 1023)
     found = run('in.npz', *calibrate(dead_tactels=(3,)))
     both = Reason.SATURATED | Reason.DEAD_TACTELS
     assert found['reasons'] & both == both

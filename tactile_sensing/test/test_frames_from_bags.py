@@ -114,7 +114,7 @@ def test_of_a_bag_is_told_what_the_node_tells(there):
         assert np.isnan(found['x'][k]) if not contact.valid else found['x'][k] == contact.x
         np.testing.assert_array_equal(found['covariance'][k], contact.covariance)
         assert found['moments'][k][0] == contact.moments.m0
-    narrow = run('run', '--dead', '0,0', '--noise', '600')
+    narrow = run('run', '--noise', '600')
     assert np.nanmedian(narrow['snr']) == pytest.approx(np.nanmedian(found['snr']) - 6.0, abs=1.0)
 
 

@@ -10,17 +10,23 @@ from typing import Any
 import numpy as np
 
 from tactile_common.command_line import reading_bags
+from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.cli.estimate_options import layer_values, parse_dead, parse_layers
-from tactile_sensing.cli.options import counts_reader, in_counts, is_bag, pitch_of, read_counts
+from tactile_sensing.cli.options import (
+    counts_reader,
+    in_counts,
+    is_bag,
+    pitch_of,
+    read_counts,
+)
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.calibration_file import load_calibration
-from tactile_sensing.devices.frame_file import CHUNK, frame_reader
-from tactile_sensing.devices.tare import Tare, TareRefusedError
-from tactile_sensing.types.array import TactelArray
+from tactile_sensing.devices.recording import CHUNK, frame_reader
+from tactile_sensing.devices.tare import TareRefusedError
+from tactile_sensing.types.array import PITCH, TactelArray
 from tactile_sensing.types.contact import COLUMNS, Contact, REALS, RECORD, STAMPED
-from tactile_sensing.types.image import Layer, TactileImage
+from tactile_sensing.types.image import COMPONENTS, Layer, TactileImage
 
 CHUNK_BYTES = 1 << 20
 
@@ -32,8 +38,7 @@ class Frames:
     reader: Any
     array: TactelArray
     layers: list[Layer]  # without their stress
-    to_stress: Callable[..., np.ndarray]  # takes frames and the number of the first
-    dead: np.ndarray  # (rows, columns), bool
+    to_stress: Callable[[np.ndarray, int], np.ndarray]  # takes frames and the number of the first
     tactel: str | None = None  # 'area' or 'point', if known
     dtype: np.dtype = RECORD
 
@@ -47,7 +52,6 @@ class Frames:
         frame_size, done = math.prod(self.reader.shape[1:]) * self.reader.dtype.itemsize, 0
         for frames in self.reader.chunks(min(max(CHUNK_BYTES // frame_size, 1), CHUNK)):
             stress = self.to_stress(frames, done)
-            stress[..., self.dead] = np.nan
             done += len(frames)
             yield estimator.estimate_batch(stress, self.array, self.layers)
 
@@ -61,9 +65,7 @@ class Images:
         with reading_bags():
             from tactile_sensing.observations import RecordedImages
         self._images = RecordedImages(options.frames, options.namespace)
-        self.total = self._images.total
-        self._known = layer_values(options)
-        self._dead = parse_dead(options.dead, self._images.array)
+        self.total, self._noise = self._images.total, options.noise
 
     def records(self, estimator: ContactEstimator) -> Iterator[np.ndarray]:
         """Yield the estimates of all images in order, as chunks of records."""
@@ -73,10 +75,8 @@ class Images:
             yield np.array(some, STAMPED)
 
     def _completed(self, image: TactileImage) -> TactileImage:
-        """Return the image with the values of the options."""
-        return replace(image, layers=tuple(replace(
-            layer, stress=np.where(self._dead, np.nan, layer.stress), **self._known)
-            for layer in image.layers))
+        return image if self._noise is None else replace(image, layers=tuple(
+            replace(layer, noise_std=self._noise) for layer in image.layers))
 
 
 def _record(stamp_ns: int, contact: Contact) -> tuple:
@@ -95,25 +95,44 @@ def source_of(options: argparse.Namespace) -> Frames | Images:
     return Images(options) if is_bag(options.frames) else _plain(options)
 
 
+def parse_layers(text: str) -> tuple[tuple[str, float], ...]:
+    """Return the component and depth [m] of each layer of `COMPONENT@DEPTH,...`."""
+    layers = []
+    for layer in text.split(','):
+        component, _, depth = layer.strip().partition('@')
+        if component not in COMPONENTS:
+            raise ConfigurationError(
+                f'--layers: component {component!r} is not one of {", ".join(COMPONENTS)}')
+        name = f'--layers: depth of {component}'
+        try:
+            value = float(depth)
+        except ValueError:
+            raise ConfigurationError(f'{name} is {depth!r}, must be a number') from None
+        layers.append((component, checked(name, value, float, {'range': PITCH, 'unit': 'm'})))
+    if 'zz' not in [component for component, _ in layers]:
+        raise ConfigurationError(f'--layers: {text} has no layer of pressure (zz)')
+    return tuple(layers)
+
+
 def _plain(options: argparse.Namespace) -> Frames:
     """Return frames of stress from a sensor that the options describe."""
     reader = frame_reader(options.frames, options.shape and tuple(options.shape))
     # A depth of 0 means an unknown skin; then there are no forces.
     unit = 'Pa' if options.layers is not None else 'counts'
     layers = (('zz', 0.0),) if options.layers is None else parse_layers(options.layers)
-    pitch_x, pitch_y = pitch_of(options.pitch)
+    pitch_x, pitch_y = pitch_of(options)
     _check_frames(options, reader)
     there = 1 if len(reader.shape) == 3 else reader.shape[1]
     if there != len(layers):
         raise ConfigurationError(
             f'--layers names {len(layers)} (of {options.layers or "zz"}), but frames has shape '
             f'{reader.shape}: {there} layer{"s" * (there > 1)}')
-    known, scale, (rows, columns) = layer_values(options), options.scale or 1.0, reader.shape[-2:]
-    array = TactelArray(rows, columns, pitch_x, pitch_y)
-    return Frames(reader, array, [Layer(*layer, np.empty(0), unit=unit, **known)
-                                  for layer in layers],
-                  lambda frames, first=0: scale * frames.astype(np.float64),
-                  parse_dead(options.dead, array))
+    scale, (rows, columns) = options.scale or 1.0, reader.shape[-2:]
+    return Frames(
+        reader, TactelArray(rows, columns, pitch_x, pitch_y),
+        [Layer(*layer, np.empty(0), unit=unit, noise_std=options.noise or 0.0)
+         for layer in layers],
+        lambda frames, first: scale * frames.astype(np.float64))
 
 
 def _check_frames(options: argparse.Namespace, reader: Any) -> None:
@@ -138,28 +157,27 @@ def _check_frames(options: argparse.Namespace, reader: Any) -> None:
 
 def _calibrated(options: argparse.Namespace) -> Frames:
     """Return frames of counts from a sensor that a calibration describes."""
-    calibration = load_calibration(options.calibration)
+    calibration, tare = load_calibration(options.calibration), None
     reader = counts_reader(options.frames, calibration.raw_shape, options.namespace)
-    tare = _tare(options, calibration) if options.tare else None
-    layer = replace(calibration.layer(tare), **layer_values(options))
+    if options.tare:
+        unloaded = counts_reader(options.tare, calibration.raw_shape, options.namespace)
+        try:
+            tare = calibration.make_tare(
+                read_counts(options.tare, unloaded, calibration.resolution))
+        except TareRefusedError as error:
+            raise ConfigurationError(f'--tare {options.tare}: {error}') from error
+    layer = calibration.layer(tare)
+    if options.noise is not None:
+        layer = replace(layer, noise_std=options.noise)
 
-    def to_stress(frames: np.ndarray, first: int = 0) -> np.ndarray:
+    def to_stress(frames: np.ndarray, first: int) -> np.ndarray:
         counts = in_counts(options.frames, frames.astype(np.float64), calibration.resolution)
         _check_counts(options, calibration, counts, first)
         stress = calibration.stress(counts, tare)
-        if layer.full_scale > 0.0:  # saturated, not dead (NaN)
-            stress[calibration.full(calibration.arrange(counts))] = layer.full_scale
+        # Saturated, not dead (NaN).
+        stress[calibration.full(calibration.arrange(counts))] = layer.full_scale
         return stress
-    return Frames(reader, calibration.array, [layer], to_stress,
-                  parse_dead(options.dead, calibration.array), calibration.tactel or None)
-
-
-def _tare(options: argparse.Namespace, calibration: Calibration) -> Tare:
-    reader = counts_reader(options.tare, calibration.raw_shape, options.namespace)
-    try:
-        return calibration.make_tare(read_counts(options.tare, reader, calibration.resolution))
-    except TareRefusedError as error:
-        raise ConfigurationError(f'--tare {options.tare}: {error}') from error
+    return Frames(reader, calibration.array, [layer], to_stress, calibration.tactel or None)
 
 
 def _check_counts(options: argparse.Namespace, calibration: Calibration, counts: np.ndarray,

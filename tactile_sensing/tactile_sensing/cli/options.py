@@ -1,16 +1,14 @@
 """Options that commands share: lengths, frames of counts, the sensor on a port."""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tactile_common.command_line import between, reading_bags
-from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.devices.frame_file import frame_reader, read_whole, Shape
+from tactile_sensing.devices.recording import frame_reader, read_whole, Shape
 from tactile_sensing.devices.registry import options_of, PROTOCOLS
 from tactile_sensing.devices.stream import open_sensor, SensorStream
 from tactile_sensing.types.array import PITCH
@@ -19,27 +17,18 @@ MAX_SIDE = 1024  # rows or columns
 BAGS = ('.mcap', '.db3')  # endings of bag files; a bag may also be a folder
 
 
-def length(name: str, text: str) -> float:
-    """Parse a length [m]; raise a ConfigurationError with its name if it is wrong."""
-    try:
-        value = float(text)
-    except ValueError:
-        raise ConfigurationError(f'{name} is {text!r}, must be a number') from None
-    return checked(name, value, float, {'range': PITCH, 'unit': 'm'})
-
-
-def pitch_of(texts: Sequence[str]) -> tuple[float, float]:
-    """Return the pitch along x and along y [m], given one or two texts."""
-    if len(texts) > 2:
-        raise ConfigurationError(f'--pitch takes one length or two, not {len(texts)}')
-    pitch = [length('--pitch', text) for text in texts]
-    return pitch[0], pitch[-1]
-
-
 def add_pitch(arguments: argparse.ArgumentParser, required: bool = False) -> None:
-    """Add the option that `pitch_of` reads."""
+    """Add the option for the pitch, one length or two."""
     arguments.add_argument('--pitch', nargs='+', metavar='M', required=required,
+                           type=between(*PITCH, 'm'),
                            help='distance between tactels, or along x and along y [m]')
+
+
+def pitch_of(options: argparse.Namespace) -> tuple[float, float]:
+    """Return the pitch along x and along y [m]."""
+    if len(options.pitch) > 2:
+        raise ConfigurationError(f'--pitch takes one length or two, not {len(options.pitch)}')
+    return options.pitch[0], options.pitch[-1]
 
 
 def add_shape(arguments: argparse.ArgumentParser, required: bool = False) -> None:
@@ -54,7 +43,7 @@ def add_sensor(arguments: argparse.ArgumentParser, required: bool = False) -> No
     """Add the options that `opened` reads, except `--shape`."""
     add = arguments.add_argument
     add('--port', required=required, metavar='PORT', help='serial port of the sensor, for '
-        'instance /dev/ttyUSB0 or usb:VENDOR:PRODUCT[:SERIAL NUMBER]')
+        'instance /dev/ttyUSB0')
     add('--protocol', choices=PROTOCOLS, default='csv_lines',
         help='byte protocol (default: %(default)s)')
     add('--options', default='', metavar='TEXT', help='of the protocol, for instance '

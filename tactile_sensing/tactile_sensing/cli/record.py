@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> str:
         raise ConfigurationError(f'{options.file}: must end in .npz')
     if options.file and not (folder := Path(options.file).resolve().parent).is_dir():
         raise ConfigurationError(f'{options.file}: folder {folder} does not exist')
-    pitch_x, pitch_y = pitch_of(options.pitch) if options.pitch else (0.0, 0.0)
+    pitch_x, pitch_y = pitch_of(options) if options.pitch else (0.0, 0.0)
     with opened(options) as sensor:
         if not options.file:
             look(sensor)

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin
 
@@ -47,21 +46,6 @@ class TactileImage:
     saturated: int = 0  # number of tactels at full scale in all layers (NaN in the stress)
     frame_id: str = ''  # sensor frame
     sensor: str = ''  # name of the sensor
-
-    def raw_counts(self) -> tuple[np.ndarray, int]:
-        """
-        Return raw counts (rows, columns), and how many tactels are at full scale.
-
-        Raises a ConfigurationError if the image is tared or calibrated.
-        """
-        layer = self.layers[0]
-        if layer.unit != 'counts' or self.tared:
-            raise ConfigurationError(
-                'no raw counts in the pictures: start the driver with tare_at_start:=false and a '
-                'calibration of `rows`, `columns`, `pitch`, `bits`, `unit: counts` and `gain: 1` '
-                'alone')
-        full = np.isnan(layer.stress)
-        return np.where(full, layer.full_scale, layer.stress), int(full.sum())
 
 
 @dataclass(frozen=True, eq=False)
