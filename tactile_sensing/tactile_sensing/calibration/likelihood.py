@@ -2,12 +2,12 @@
 Joint likelihood of all presses of a ball; skin and gains of the tactels are the unknowns.
 
 A tactel reads (1 + g) m + o plus noise, where m is the pressure of a press under the skin. All
-presses share the skin, the patch of the ball at the usual force, and the gain g and offset o of
-every tactel. Each press has its own place, force and shear. Gauss-Newton steps change all of them
-together; gains and offsets, which affect one tactel each, are eliminated. The error of the model
-is proportional to the load: the variance of a reading is noise^2 + n (scatter m)^2, because n
-frames of one press share one error. Errors have the tails of Student's t distribution. The spread
-of the gains, the scatter and the spread of the forces are estimated from the fit.
+presses share the skin, the patch of the ball at the usual force, and gain g and offset o of every
+tactel. Each press has its own place, force and shear. Gauss-Newton steps change all of them
+together. The error of the model is proportional to the load: the variance of a reading is
+noise^2 + n (scatter m)^2, because n frames of one press share one error. Errors have the tails of
+Student's t distribution. The spread of the gains, the scatter and the spread of the forces are
+estimated from the fit.
 """
 
 from dataclasses import dataclass, replace
@@ -15,6 +15,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy import sparse
 
 from tactile_sensing.calibration.presses import Presses
 from tactile_sensing.devices.unloaded import missing_mean
@@ -51,41 +52,30 @@ class Unknowns:
     """Unknowns of the likelihood."""
 
     kind: np.ndarray  # (KIND,): skin and patch
-    tactel: np.ndarray  # (tactels, 2): relative sensitivity - 1; offset [counts]
+    gain: np.ndarray  # (tactels,): relative sensitivity - 1
+    offset: np.ndarray  # (tactels,) [counts]
     places: np.ndarray  # (N, 2) [m]
     forces: np.ndarray  # (N, 3): normal force and shear [counts m^2]
     level: np.ndarray  # (sources,): fitted force over known force [counts m^2 / N]
 
-    @property
-    def gain(self) -> np.ndarray:
-        """Relative sensitivity of the tactels - 1, (tactels,)."""
-        return self.tactel[:, 0]
 
+class Residuals(NamedTuple):
+    """Models of the presses, and residuals with their weights."""
 
-class Slopes(NamedTuple):
-    """Models, residuals with their weights, and derivatives by the unknowns."""
-
+    relative: np.ndarray  # (N,): force over the usual one
+    basis: np.ndarray  # (N, tactels, 3): pressure per normal force and shear
     model: np.ndarray  # (N, tactels)
+    variance: np.ndarray  # (N, tactels)
     rest: np.ndarray  # (N, tactels + 3): residuals; the last 3: priors of shear (2) and force
     weight: np.ndarray  # (N, tactels + 3)
-    slope: np.ndarray  # (N, tactels + 3, KIND + sources + OWN)
 
 
 class System(NamedTuple):
-    """Normal equations after elimination of gains and offsets, and their back-substitution."""
+    """Normal equations: of the common numbers (KIND, levels), presses, gains and offsets."""
 
-    matrix: np.ndarray  # of the common numbers (KIND and levels) and those of every press
+    matrix: np.ndarray
     right: np.ndarray
-    share: np.ndarray  # (tactels, 2, size): decrease of gain and offset by the other unknowns
-    alone: np.ndarray  # (tactels, 2): step of gain and offset with the others fixed
-    inverse: np.ndarray  # (tactels, 2, 2): covariance of gain and offset with the others fixed
     unknowns: Unknowns  # with fitted forces
-
-    def gain_variance(self, covariance: np.ndarray) -> np.ndarray:
-        """Return the variance of every gain (tactels,), given the covariance of the others."""
-        share = self.share[:, 0]
-        return self.inverse[:, 0, 0] + np.einsum('tk,kl,tl->t', share, covariance, share,
-                                                 optimize=True)
 
 
 def skin_of(kind: np.ndarray) -> Skin:
@@ -148,7 +138,8 @@ class Likelihood:
         array, count = self.presses.array, len(self.presses)
         row, column = np.unravel_index(
             np.nan_to_num(self.values, nan=-np.inf).argmax(axis=1), array.shape)
-        return Unknowns(kind, np.zeros((self.values.shape[1], 2)),
+        none = np.zeros(self.values.shape[1])
+        return Unknowns(kind, none, none,
                         np.stack([array.x[column], array.y[row]], -1), np.zeros((count, 3)),
                         np.ones(self.source.max() + 1))
 
@@ -166,7 +157,7 @@ class Likelihood:
         """Return the residuals (N, tactels) of models, their variances, and robust weights."""
         expected = (1.0 + unknowns.gain) * models
         variance = self.noise**2 + self.shared * (self.scatter * expected)**2
-        expected = expected + unknowns.tactel[:, 1]
+        expected = expected + unknowns.offset
         rest = np.nan_to_num(self.values) - expected
         if self.below.any():  # expected residual of a value below the floor
             z = (self.floor - expected) / self.noise
@@ -195,11 +186,11 @@ class Likelihood:
         forces[:, 0] = np.maximum(forces[:, 0], least)
         return replace(unknowns, forces=forces)
 
-    def slopes(self, unknowns: Unknowns, *, wanted: bool = True) -> tuple[Slopes, Unknowns]:
-        """Return residuals and, if wanted, derivatives at the likeliest forces; the unknowns."""
+    def residuals(self, unknowns: Unknowns) -> tuple[Residuals, Unknowns]:
+        """Return the residuals at the likeliest forces, and the unknowns with these forces."""
         force = unknowns.forces[:, 0]
-        level = np.clip(force / np.median(force), 0.05, 20.0) if force.any() else 1.0 + force
-        basis = self.basis(unknowns.kind, unknowns.places, level)
+        relative = np.clip(force / np.median(force), 0.05, 20.0) if force.any() else 1.0 + force
+        basis = self.basis(unknowns.kind, unknowns.places, relative)
         unknowns = self.solve_forces(unknowns, basis)
         model = np.einsum('ntk,nk->nt', basis, unknowns.forces)
         rest, variance, weight = self.left(unknowns, model)
@@ -208,78 +199,61 @@ class Likelihood:
                                 self.told * unknowns.level[self.source] / force - 1.0])
         weight = np.column_stack([weight / variance, np.full((len(model), 2), SHEAR**-2),
                                   (force / self.force_std)**2])
-        (count, tactels), common = model.shape, KIND + len(unknowns.level)
-        slope = np.zeros((count, tactels + 3, common + OWN if wanted else 0))
-        if not wanted:
-            return Slopes(model, rest, weight, slope), unknowns
+        return Residuals(relative, basis, model, variance, rest, weight), unknowns
+
+    def slopes(self, at: Residuals, unknowns: Unknowns) -> np.ndarray:
+        """Return the derivatives of the models (N, tactels + 3, KIND + sources + OWN)."""
+        (count, tactels), common = at.model.shape, KIND + len(unknowns.level)
+        slope = np.zeros((count, tactels + 3, common + OWN))
 
         def moved(kind: np.ndarray, by: np.ndarray) -> np.ndarray:
-            return np.einsum('ntk,nk->nt', self.basis(kind, unknowns.places + by, level),
-                             unknowns.forces) - model
+            return np.einsum('ntk,nk->nt', self.basis(kind, unknowns.places + by, at.relative),
+                             unknowns.forces) - at.model
         for k in np.flatnonzero(self.known < FIXED):
             step = step_of(unknowns.kind, k)
             slope[:, :tactels, k] = moved(
                 unknowns.kind + step * np.eye(KIND)[k], np.zeros(2)) / step
-        slope[:, :tactels, common:common + 3] = basis * force[:, None, None]
+        slope[:, :tactels, common:common + 3] = at.basis * unknowns.forces[:, :1, None]
         for k, by in enumerate(DERIVATIVE[KIND] * self.pitch * np.eye(2)):
             slope[:, :tactels, common + 3 + k] = moved(unknowns.kind, by) / DERIVATIVE[KIND]
         slope[:, :tactels] *= (1.0 + unknowns.gain)[:, None]
         slope[:, tactels:, common:common + 3] = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
-        slope[range(count), -1, KIND + self.source] = -rest[:, -1] - 1.0
-        return Slopes(model, rest, weight, slope), unknowns
+        slope[range(count), -1, KIND + self.source] = -at.rest[:, -1] - 1.0
+        return slope
 
     def system(self, unknowns: Unknowns) -> System:
         """Return the normal equations at the unknowns."""
-        (model, rest, weight, slope), unknowns = self.slopes(unknowns)
-        (count, tactels), common = model.shape, KIND + len(unknowns.level)
-        shared, each = slope[..., :common], slope[..., common:]
-        size = common + OWN * count
-        matrix, right = np.zeros((size, size)), np.zeros(size)
-        matrix[:common, :common] = np.einsum('ntk,nt,ntl->kl', shared, weight, shared,
-                                             optimize=True)
-        matrix[:common, common:] = np.einsum('ntk,nt,ntl->knl', shared, weight, each,
-                                             optimize=True).reshape(common, -1)
-        matrix[common:, :common] = matrix[:common, common:].T
-        at = common + np.arange(OWN * count).reshape(count, OWN)
-        matrix[at[:, :, None], at[:, None, :]] = np.einsum('ntk,nt,ntl->nkl', each, weight, each,
-                                                           optimize=True)
-        right[:common] = np.einsum('ntk,nt,nt->k', shared, weight, rest, optimize=True)
-        right[common:] = np.einsum('ntk,nt,nt->nk', each, weight, rest, optimize=True).ravel()
-        known = np.append(self.known, np.full(common - KIND, 1e-9))
-        matrix[range(common), range(common)] += known
-        right[:KIND] -= np.where(
-            self.known < FIXED, self.known * (unknowns.kind - self.usual), 0.0)
-        # Gain and offset of every tactel; the readings have the derivatives model and 1 by them.
-        lever = np.stack([model, np.ones_like(model)], axis=1) * weight[:, None, :tactels]
-        cross = np.concatenate([
-            np.einsum('nat,ntk->tak', lever, shared[:, :tactels]),
-            np.einsum('nat,nto->tano', lever, each[:, :tactels]).reshape(tactels, 2, -1)], axis=2)
-        prior = np.stack([np.full(tactels, self.spread**-2), self.offset_std**-2.0], -1)
-        own = np.empty((tactels, 2, 2))
-        own[:, :, 0] = np.einsum('nat,nt->ta', lever, model)
-        own[:, :, 1] = lever.sum(axis=0).T
-        own[:, range(2), range(2)] += prior
-        inverse = np.linalg.inv(own)
-        share = inverse @ cross
-        alone = np.einsum('tab,tb->ta', inverse, np.einsum(
-            'nat,nt->ta', lever, rest[:, :tactels]) - prior * unknowns.tactel)
-        flat = cross.reshape(-1, size)
-        return System(matrix - flat.T @ share.reshape(-1, size), right - flat.T @ alone.ravel(),
-                      share, alone, inverse, unknowns)
+        at, unknowns = self.residuals(unknowns)
+        (count, tactels), common = at.model.shape, KIND + len(unknowns.level)
+        slope = self.slopes(at, unknowns)
+        # The readings of a tactel have the derivatives `model` by its gain and 1 by its offset.
+        by_offset = sparse.kron(np.ones((count, 1)), sparse.eye(tactels + 3, tactels), 'csr')
+        by_gain = by_offset.multiply(np.pad(at.model, ((0, 0), (0, 3))).reshape(-1, 1))
+        jacobian = sparse.hstack([
+            slope[..., :common].reshape(-1, common), sparse.block_diag(slope[..., common:]),
+            by_gain, by_offset], 'csr')
+        weight = at.weight.ravel()
+        matrix = (jacobian.T @ jacobian.multiply(weight[:, None])).toarray()
+        prior = np.concatenate([self.known, np.full(common - KIND, 1e-9), np.zeros(OWN * count),
+                                np.full(tactels, self.spread**-2), self.offset_std**-2.0])
+        off = np.zeros(len(prior))
+        off[:KIND] = np.where(self.known < FIXED, unknowns.kind - self.usual, 0.0)
+        off[-2 * tactels:] = *unknowns.gain, *unknowns.offset
+        return System(matrix + np.diag(prior),
+                      jacobian.T @ (weight * at.rest.ravel()) - prior * off, unknowns)
 
     def chi(self, unknowns: Unknowns) -> float:
         """Return -2 times the log posterior, up to a constant."""
-        (model, rest, weight, _), unknowns = self.slopes(unknowns, wanted=False)
-        tactels = model.shape[1]
-        _, variance, _ = self.left(unknowns, model)
-        square = rest[:, :tactels]**2 / variance
+        at, unknowns = self.residuals(unknowns)
+        tactels = at.model.shape[1]
+        square = at.rest[:, :tactels]**2 / at.variance
         tails = 1.0 + (TAILS + 1.0) * np.log(np.maximum((TAILS + square) / (TAILS + 1.0), 1.0))
         off = (unknowns.kind - self.usual)[self.known < FIXED]
-        return ((np.where(square < 1.0, square, tails) + np.log(variance))[
+        return ((np.where(square < 1.0, square, tails) + np.log(at.variance))[
             np.isfinite(self.values)].sum()
-                + (weight * rest**2)[:, tactels:].sum()
+                + (at.weight * at.rest**2)[:, tactels:].sum()
                 + (unknowns.gain**2).sum() / self.spread**2
-                + ((unknowns.tactel[:, 1] / self.offset_std)**2).sum()
+                + ((unknowns.offset / self.offset_std)**2).sum()
                 + (self.known[self.known < FIXED] * off**2).sum())
 
     def step(self, unknowns: Unknowns, longest: float) -> tuple[Unknowns, np.ndarray]:
@@ -289,11 +263,11 @@ class Likelihood:
         wanted, common = move[:KIND].copy(), KIND + len(unknowns.level)
         part = min(1.0, longest / max(np.abs(wanted).max(), 1e-12))
         move *= part
-        places = np.clip(move[common:].reshape(-1, OWN)[:, 3:], -0.5, 0.5)
-        tactel = unknowns.tactel + part * system.alone - system.share @ move
-        tactel[:, 0] = np.clip(tactel[:, 0], -0.7, 2.0)
+        own, gain, offset = np.split(move[common:], (OWN * len(self.values), -len(unknowns.gain)))
+        places = np.clip(own.reshape(-1, OWN)[:, 3:], -0.5, 0.5)
         return Unknowns(
-            np.clip(unknowns.kind + move[:KIND], LEAST, MOST), tactel,
+            np.clip(unknowns.kind + move[:KIND], LEAST, MOST),
+            np.clip(unknowns.gain + gain, -0.7, 2.0), unknowns.offset + offset,
             unknowns.places + places * self.pitch, system.unknowns.forces,
             unknowns.level * np.exp(move[KIND:common])), np.append(wanted, places.ravel())
 
@@ -315,17 +289,17 @@ class Likelihood:
 
     def learn(self, unknowns: Unknowns) -> Unknowns:
         """Estimate spread of gains, scatter and expected forces from a fit; return new levels."""
-        (model, rest, weight, _), unknowns = self.slopes(unknowns, wanted=False)
-        system = self.system(unknowns)
-        covariance, tactels = np.linalg.inv(system.matrix), model.shape[1]
-        variance = system.gain_variance(covariance)
+        at, unknowns = self.residuals(unknowns)
+        model, tactels = at.model, at.model.shape[1]
+        covariance = np.linalg.inv(self.system(unknowns).matrix)
+        variance = np.diag(covariance)[-2 * tactels:-tactels]
         told = max(tactels - (variance / self.spread**2).sum(), 1.0)
         self.spread = min(max(math.sqrt((unknowns.gain**2).sum() / told), LEAST_SPREAD), 0.5)
         strong = (model > 0.03 * model.max(axis=1, keepdims=True)) & np.isfinite(self.values)
-        tails = (weight[:, :tactels] * self.left(unknowns, model)[1])[strong]
+        tails = (at.weight[:, :tactels] * at.variance)[strong]
         # Degrees of freedom: gains and presses each use up one reading per number.
         free = max(1.0 - (told + OWN * len(model)) / strong.sum(), 0.2)
-        excess = np.mean(tails * rest[:, :tactels][strong]**2 / free
+        excess = np.mean(tails * at.rest[:, :tactels][strong]**2 / free
                          - self.noise[strong]**2) / np.mean(model[strong]**2)
         self.scatter = max(excess, LEAST_SCATTER**2)**0.5
         # Consecutive frames at one place belong to one press.
@@ -333,7 +307,7 @@ class Likelihood:
         self.groups = np.concatenate([[0], np.cumsum(moved)])
         self.shared = np.bincount(self.groups)[self.groups][:, None].astype(float)
         common = KIND + len(unknowns.level)
-        by_chance = np.median(np.diag(covariance)[common::OWN]) if np.isfinite(
+        by_chance = np.median(np.diag(covariance)[common:-2 * tactels:OWN]) if np.isfinite(
             self.force_std).any() else 0.0
         expected, self.force_std = expected_forces(
             unknowns.forces[:, 0], self.told, self.source, by_chance)
@@ -343,7 +317,7 @@ class Likelihood:
 
     def dead(self, unknowns: Unknowns) -> np.ndarray:
         """Return which tactels (bool) do not follow the modelled load."""
-        model = self.slopes(unknowns, wanted=False)[0].model
+        model = self.residuals(unknowns)[0].model
         load = np.where(np.isfinite(self.values), model, 0.0) / self.noise
         power = (load**2).sum(axis=0)
         follows = (load * np.nan_to_num(self.values) / self.noise).sum(axis=0)

@@ -71,7 +71,7 @@ def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict
     Select usable presses; return them and the reasons for the others, by frame number.
 
     `saturated` (N,) is the number of tactels at full scale in every frame. Frames of a held press
-    are averaged. At most `MOST_PRESSES`, spread over the pad, are kept.
+    are averaged. At most `MOST_PRESSES`, evenly in time, are kept.
     """
     bad, good = {}, []
     for i, values in enumerate(presses.values):
@@ -83,14 +83,8 @@ def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict
     if not good:
         return presses.only(np.zeros(0, int)), bad
     presses = presses.only(np.array(good)).averaged()
-    peaks = [highest(values) for values in presses.values]
-    # Take the pressed tactels in turn, so that all of them are represented.
-    _, place, count = np.unique(peaks, axis=0, return_inverse=True, return_counts=True)
-    turn = np.zeros(len(peaks), int)
-    for k in range(len(count)):
-        turn[place.ravel() == k] = np.arange(count[k])
-    order = np.argsort(turn, kind='stable')[:MOST_PRESSES]
-    return presses.only(np.sort(order)), bad
+    some = np.linspace(0, len(presses) - 1, min(len(presses), MOST_PRESSES))
+    return presses.only(np.rint(some).astype(int)), bad
 
 
 def highest(values: np.ndarray) -> tuple:

@@ -9,7 +9,6 @@ import numpy as np
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.calibration.likelihood import ASSUMED_POISSON, POISSON_STD, UNLIKE
-from tactile_sensing.calibration.order import solve_order
 from tactile_sensing.calibration.presses import Presses, sort_presses
 from tactile_sensing.calibration.skin_fit import edge_force_std, Fit, fit_presses
 from tactile_sensing.calibration.unloaded import range_of, survey, Tactels
@@ -24,6 +23,8 @@ FEWEST_PRESSES = 5  # of a ball, to fit a skin; twenty are better
 UNPRESSED = 0.03  # tactels far from a press read less than this share of its peak
 # If this share of a row or column is dead, its tactels that were not loaded count as dead too.
 DEAD_LINE = 0.25
+# Pairs of corners, in the order of pressing, in the first and last row, and column, of the image.
+CORNERS = (([0, 1], [2, 3]), ([0, 3], [1, 2]))
 
 
 @dataclass
@@ -42,10 +43,9 @@ class Recordings:
     force: np.ndarray | None = None  # (N,): of the frames of `ball`; or one for all
     flat: np.ndarray | None = None
 
-    @property
-    def loaded(self) -> list[np.ndarray]:
-        """Frames under load."""
-        return [it for it in (self.ball, self.flat, self.corners, self.rolling) if it is not None]
+    def given(self, *names: str) -> list[np.ndarray]:
+        """Return the recordings of these names that exist."""
+        return [frames for name in names if (frames := getattr(self, name)) is not None]
 
 
 @dataclass
@@ -71,7 +71,6 @@ class Outcome:
 
     calibration: Calibration
     left_out: dict[str, dict[int, str]]  # recording -> frame -> reason
-    tactels: Tactels | None
     presses: Presses | None
     skin: Fit | None
     doubts: list[str]  # reasons not to trust it
@@ -87,8 +86,8 @@ def calibrate(recordings: Recordings, known: Known,
     ConfigurationError
         If recordings contradict each other or are not sufficient.
     """
-    loaded, unloaded = recordings.loaded, recordings.unloaded
-    given = loaded if unloaded is None else [unloaded, *loaded]
+    unloaded, loaded = recordings.unloaded, recordings.given('ball', 'flat', 'corners', 'rolling')
+    given = [*recordings.given('unloaded'), *loaded]
     if not given:
         raise ConfigurationError('no recordings: give at least one of --unloaded, --ball, --flat')
     raw_shape = given[0].shape[1:]
@@ -102,7 +101,7 @@ def calibrate(recordings: Recordings, known: Known,
     tell('range and noise')
     procedure = _Procedure(recordings, known, tell)
     procedure.find_range(given)
-    procedure.find_order((raw_shape[0], raw_shape[1]))
+    procedure.find_order(raw_shape)
     if unloaded is None:
         procedure.assumed.append(
             'a baseline of 0 and a noise of one count: no frames without load')
@@ -143,10 +142,9 @@ class _Procedure:
             'poisson': ASSUMED_POISSON if known.poisson is None else known.poisson}
         self.values |= {'gain': known.gain} if known.gain else {'unit': 'counts'}
 
-    def find_order(self, raw_shape: tuple[int, int]) -> None:
+    def find_order(self, raw_shape: tuple[int, ...]) -> None:
         """Set order and size of the image."""
-        corners, rolling = self.recordings.corners, self.recordings.rolling
-        transposed = False
+        corners, transposed = self.recordings.corners, False
         if corners is None:
             self.assumed.append('rows and columns as they come')
         elif len(corners) != 4:
@@ -155,16 +153,11 @@ class _Procedure:
         else:
             unloaded = self.recordings.unloaded
             base = 0.0 if unloaded is None else np.median(unloaded, axis=0)
-            row_order, column_order, transposed = solve_order(
-                corners - base, None if rolling is None else rolling - base, raw_shape)
-            plain = not transposed and all(
-                order == tuple(range(size)) for order, size in zip(
-                    (row_order, column_order), raw_shape, strict=True))
-            self.found['order'] = 'as they come, by the corners' if plain else (
-                'turned, mirrored or sorted by corners' + ' and a rolling press' * (
-                    rolling is not None))
-            if not plain:
-                self.values |= {'row_order': row_order, 'column_order': column_order}
+            row_order, column_order, transposed = order_of(corners - base)
+            self.found['order'] = ('turned or mirrored by corners'
+                                   if transposed or row_order or column_order
+                                   else 'as they come, by the corners')
+            self.values |= {'row_order': row_order, 'column_order': column_order}
         rows, columns = raw_shape[::-1] if transposed else raw_shape
         self.values |= {'array': TactelArray(rows, columns, *self.known.pitch),
                         'transposed': transposed}
@@ -174,14 +167,13 @@ class _Procedure:
         if len(unloaded) < MIN_TARE_FRAMES:
             raise ConfigurationError(f'unloaded: {len(unloaded)} frames, at least '
                                      f'{MIN_TARE_FRAMES} are needed')
-        recordings, draft = self.recordings, Calibration(**self.values)
+        draft = Calibration(**self.values)
         # Without the corners: a finger there may miss the tactels.
         self.tactels = tactels = survey(draft.arrange(unloaded), draft.counts, [
-            draft.arrange(it) for it in (recordings.ball, recordings.flat, recordings.rolling)
-            if it is not None])
+            draft.arrange(it) for it in self.recordings.given('ball', 'flat', 'rolling')])
         self.found['unloaded'] = {
             'frames': len(unloaded), 'noise': _short(np.sqrt(np.mean(tactels.noise**2))),
-            'step': tactels.step, 'drift': _short(tactels.drift),
+            'step': tactels.step,
             'dead': {f'{row},{column}': why for (row, column), why in tactels.dead.items()},
             'not_loaded': int(tactels.unloaded.sum())}
         # Keep the offset within the allowed range of a baseline.
@@ -295,7 +287,32 @@ class _Procedure:
         why = doubts(self.skin, self.recordings.ball_radius, float(np.mean(~calibration.live)))
         if why:
             self.found['doubtful'] = why
-        return Outcome(calibration, self.left_out, self.tactels, self.presses, self.skin, why)
+        return Outcome(calibration, self.left_out, self.presses, self.skin, why)
+
+
+def order_of(corners: np.ndarray) -> tuple[tuple, tuple, bool]:
+    """
+    Return `row_order`, `column_order` and `transposed` of a `Calibration`; empty: unchanged.
+
+    `corners` (4, raw rows, raw columns) are frames of presses in the corners of the image: first
+    row and column; first row, last column; last row and column; last row, first column. Raises a
+    ConfigurationError if they are no corners.
+    """
+    peaks = np.array([np.unravel_index(image.argmax(), image.shape) for image in corners])
+    shape, within_row = corners.shape[1:], np.abs(peaks[[0, 3]] - peaks[[1, 2]]).sum(axis=0)
+    transposed = bool(within_row[0] > within_row[1])
+    if transposed:
+        peaks, shape = peaks[:, ::-1], shape[::-1]
+    orders: list[tuple] = []
+    for axis, (first, last) in enumerate(CORNERS):
+        apart = peaks[last, axis].mean() - peaks[first, axis].mean()
+        if abs(apart) < 0.5 * shape[axis]:
+            raise ConfigurationError(
+                f'corners: {("rows", "columns")[axis]} of the corners are only {abs(apart):.0f} '
+                f'of {shape[axis]} apart: press again, or give row_order and column_order in the '
+                'file')
+        orders.append(() if apart > 0.0 else tuple(reversed(range(shape[axis]))))
+    return orders[0], orders[1], transposed
 
 
 def _check_unloaded(presses: Presses) -> None:

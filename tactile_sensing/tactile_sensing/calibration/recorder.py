@@ -43,7 +43,7 @@ class PressCatcher:
     """
     Find presses in a stream of frames.
 
-    A press is taken once, when it has been steady for HELD frames. The next press can begin after
+    A press is taken once, when it has been steady for HELD frames, and the next one begins after
     the pad was released.
     """
 

@@ -130,30 +130,28 @@ def _result(problem: Likelihood, unknowns: Unknowns,
             unseen: np.ndarray | float = 0.0) -> Fit:
     system = problem.system(unknowns)
     inverse = np.linalg.inv(system.matrix)
-    (model, rest, weight, slope), unknowns = problem.slopes(system.unknowns)
-    tactels, common, skin = model.shape[1], KIND + len(unknowns.level), skin_of(unknowns.kind)
-    live, rest = np.isfinite(problem.values), rest[:, :tactels]
+    at, unknowns = problem.residuals(system.unknowns)
+    model, tactels, common = at.model, at.model.shape[1], KIND + len(unknowns.level)
+    skin, live, rest = skin_of(unknowns.kind), np.isfinite(problem.values), at.rest[:, :tactels]
     # A common factor of all gains belongs to the levels: move the weighted mean gain there.
     usual = np.where(live, model**2, 0.0).sum(axis=0)
     usual /= usual.sum()
     mean, follows = usual @ unknowns.gain, np.eye(common, len(inverse))
-    follows[KIND:] -= usual @ system.share[:, 0]
-    covariance = follows @ inverse @ follows.T
-    covariance[KIND:, KIND:] += usual**2 @ system.inverse[:, 0, 0]
-    covariance += np.multiply.outer(unseen, unseen)
+    follows[KIND:, -2 * tactels:-tactels] = usual
+    covariance = follows @ inverse @ follows.T + np.multiply.outer(unseen, unseen)
     std = np.sqrt(np.diag(covariance))
     thickness_std = math.inf
     if not skin.is_half_space:  # depth over the ratio
         ratio = np.array([1.0, -1.0 / unknowns.kind[1]])
         thickness_std = skin.thickness * math.sqrt(ratio @ covariance[:2, :2] @ ratio)
-    variance = system.gain_variance(inverse)
+    variance = np.diag(inverse)[-2 * tactels:-tactels]
     seen = (np.where(live, model / problem.noise, 0.0)**2).sum(axis=0) > SEEN**2
     left = math.sqrt(variance[seen].mean())
     # Error of the force of a press of unknown place, due to errors of gains and model.
-    root = np.sqrt(weight[..., None])
+    root, slope = np.sqrt(at.weight[..., None]), problem.slopes(at, unknowns)
     by_reading = np.linalg.pinv(slope[..., common:] * root)[:, 0, :tactels] * root[:, :tactels, 0]
     by_press = np.sqrt((by_reading**2 * (left**2 + problem.scatter**2) * model**2).sum(axis=1))
-    off = np.where(live, rest**2 / problem.left(unknowns, model)[1], 0.0)
+    off = np.where(live, rest**2 / at.variance, 0.0)
     shape, gain = problem.presses.array.shape, unknowns.gain
     return Fit(
         skin=skin, depth_std=0.0 if problem.known[0] == FIXED else skin.depth * std[0],
@@ -162,7 +160,7 @@ def _result(problem: Likelihood, unknowns: Unknowns,
         patch=unknowns.kind[3], gain=((1.0 + mean) / (1.0 + gain)).reshape(shape),
         gain_std=np.sqrt(variance).reshape(shape), spread=problem.spread, left=left,
         scatter=problem.scatter,
-        models=((1.0 + gain) * model + unknowns.tactel[:, 1]).reshape(-1, *shape),
+        models=((1.0 + gain) * model + unknowns.offset).reshape(-1, *shape),
         misfit=np.sqrt(off.sum(axis=1) / live.sum(axis=1)), groups=problem.groups,
         dead=problem.gone.reshape(shape), level=unknowns.level * (1.0 + mean),
         force_left=float(np.median(by_press)), kind=unknowns.kind, covariance=covariance)

@@ -1,4 +1,4 @@
-"""Properties of the tactels from recordings of raw counts: range, noise, drift, dead tactels."""
+"""Properties of the tactels from recordings of raw counts: range, noise, dead tactels."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,6 @@ class Tactels:
     noise: np.ndarray  # [counts]
     dead: dict  # (row, column) -> fault
     step: int  # smallest step of the counts: the effective least significant bit
-    drift: float  # median change from the first to the second half of the frames [counts]
     unloaded: np.ndarray  # bool: not dead, but not loaded in any frame
 
 
@@ -92,13 +91,10 @@ def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tact
     for place in dead:
         live[place] = False
     offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
-    half = len(frames) // 2
-    change = np.median((frames[half:].mean(axis=0) - frames[:half].mean(axis=0))[live])
     values = np.unique(np.concatenate([
         np.rint(it[np.isfinite(it)]).ravel() for it in (frames, *loaded)]))
     step = int(np.gcd.reduce(np.diff(values).astype(np.int64))) if values.size > 2 else 1
-    return Tactels(offset, np.maximum(noise, step * 12**-0.5), dead, step, float(change),
-                   never & live)
+    return Tactels(offset, np.maximum(noise, step * 12**-0.5), dead, step, never & live)
 
 
 def _silent(loaded: np.ndarray, offset: np.ndarray,

@@ -2,7 +2,6 @@
 
 import argparse
 from pathlib import Path
-import subprocess
 import sys
 from typing import Any
 
@@ -15,7 +14,7 @@ from tactile_common.progress import Progress
 from tactile_sensing.calibration.procedure import calibrate, Known, Outcome, Recordings
 from tactile_sensing.calibration.recorder import Recorder
 from tactile_sensing.calibration.report import draw_report
-from tactile_sensing.calibration.verdict import named, verdict
+from tactile_sensing.calibration.verdict import verdict
 from tactile_sensing.cli.options import (
     add_pitch,
     add_sensor,
@@ -33,8 +32,7 @@ from tactile_sensing.types.array import PITCH, TactelArray
 
 RECORDED = {
     'unloaded': 'of the unloaded pad', 'corners': 'of presses in the corners',
-    'rolling': 'of a ball rolled over the pad, or of anything on it: without corners only '
-    'range, threshold and silent tactels are found',
+    'rolling': 'of anything rolled over the pad: range, threshold and silent tactels are found',
     'ball': 'of presses of a small ball; an array `force` (N,) [N] in it is that of each',
     'flat': 'of presses of the ball all over the pad'}
 STEPS = 4  # largest number of steps of the progress bar
@@ -49,8 +47,7 @@ assumed instead:
 
   1 unloaded  a hundred frames with nothing on the pad: offset, noise, dead tactels, threshold
   2 corners   four frames, a finger in each corner: first row and column; first row, last column;
-              last row and column; last row, first column. Where wires are scrambled: --rolling, a
-              ball rolled slowly all over the pad
+              last row and column; last row, first column
   3 ball      twenty presses of a small ball (1 mm radius or so) anywhere, neither hard nor close
               to the border, ten frames of each: the skin; with --force also the gain
   4 flat      forty presses of the same ball evenly all over the pad: the gain of every tactel
@@ -60,9 +57,8 @@ Example: a pad of 16 x 16 tactels on one inch, a ball pressed by a weight of 100
       --ball b.npz --ball-radius 0.001 --force 0.981 --flat f.npz --report pad.png
   ros2 run tactile_sensing estimate frames.npz --calibration pad.yaml -o contacts.npz
 
-`--live FOLDER` asks for them one by one instead, tells which press was none, and goes on from
-where it was interrupted: with `--port` and `--shape` of the sensor on that port, else of a driver
-that publishes raw counts.
+`--live FOLDER` asks for them one by one instead, from the sensor on `--port`, tells which press
+was none, and goes on from where it was interrupted.
 
 Frames that are no single press of the ball are named and left out. Without --force places and
 directions are told and forces are not. The last line says what the calibration is good for. Exit
@@ -80,13 +76,11 @@ def parser() -> argparse.ArgumentParser:
     add('--out', required=True, metavar='CAL.yaml', help='file to write')
     add_pitch(arguments, required=True)
     add_shape(arguments)
-    add('--live', metavar='FOLDER', help='ask for every recording, take it from the pictures of '
-        'a driver and keep it in this folder; what is there already stays')
-    add('--topic', default='/tactile/image', metavar='NAME', help='of those pictures '
-        '(default: %(default)s)')
+    add('--live', metavar='FOLDER', help='ask for every recording, take it from the sensor on '
+        '--port and keep it in this folder; what is there already stays')
     add_sensor(arguments)
     for name, text in RECORDED.items():
-        add(f'--{name}', metavar=f'{name[0].upper()}.npz', help=f'frames {text}')
+        add(f'--{name}', metavar='FILE', help=f'frames {text}')
     metres, count = between(*PITCH, 'm'), between(-32768, 65536, kind=int)
     add('--ball-radius', metavar='M', type=metres, help='of the ball [m]')
     add('--force', metavar='N', type=between(1e-6, 1e6, 'N'),
@@ -112,43 +106,31 @@ def parser() -> argparse.ArgumentParser:
         'such: smaller ones become the lowest (default: as the counts show)')
     add('--saturation', metavar='COUNT', type=count, help='count from which on a tactel is at '
         'full scale (default: the highest of the converter)')
-    add('--report', metavar='FILE.png', help='draw what was found, and what is left of the '
-        'presses before and after')
+    add('--report', metavar='FILE.png', help='draw noise, gains, and what the fit leaves of the '
+        'presses')
     return arguments
 
 
 def record(options: argparse.Namespace) -> None:
-    """Make the recordings of the options; a separate program does it if ROS is needed."""
-    if options.port:
-        record_port(options)
-    elif subprocess.run([sys.executable, '-m', 'tactile_sensing.nodes.press_recorder',
-                       options.live, options.topic], check=False).returncode:
-        raise ConfigurationError('not all is recorded; the same command continues from here')
-    for name in RECORDED:
-        path = Path(options.live, f'{name}.npz')
-        if path.exists() and getattr(options, name) is None:
-            setattr(options, name, str(path))
-
-
-def record_port(options: argparse.Namespace) -> None:
-    """Make the recordings from the sensor on a port, without a ROS graph."""
+    """Make the recordings of the options from the sensor on a port."""
+    if not options.port:
+        raise ConfigurationError('--live needs --port, the serial port of the sensor')
     full = 2 ** options.bits - 1 if options.bits else np.inf
     with opened(options) as sensor:
         def look() -> tuple[np.ndarray, int]:
             counts = next(sensor).counts
             return counts.astype(float), int((counts >= full).sum())
-
-        def ask(text: str) -> str:
-            answer = input(text)
-            sensor.forget()
-            return answer
-        (rows, columns), (pitch_x, pitch_y) = options.shape, pitch_of(options.pitch)
+        (rows, columns), (pitch_x, pitch_y) = options.shape, pitch_of(options)
         array = TactelArray(rows, columns, pitch_x, pitch_y)
         try:
-            Recorder(Path(options.live), array, look, ask, print).run()
+            Recorder(Path(options.live), array, look, input, print).run()
         except EOFError:
             raise ConfigurationError(
                 'no more answers; the same command continues from here') from None
+    for name in RECORDED:
+        path = Path(options.live, f'{name}.npz')
+        if path.exists() and getattr(options, name) is None:
+            setattr(options, name, str(path))
 
 
 def read_recordings(options: argparse.Namespace) -> Recordings:
@@ -190,7 +172,7 @@ def read_known(options: argparse.Namespace) -> Known:
         raise ConfigurationError('--thickness needs --depth')
     same = ('bits', 'threshold', 'saturation', 'depth', 'thickness', 'poisson', 'gain', 'tactel',
             'resolution')
-    return Known(pitch_of(options.pitch), signed=options.signed and options.signed == 'yes',
+    return Known(pitch_of(options), signed=options.signed and options.signed == 'yes',
                  **{name: getattr(options, name) for name in same})
 
 
@@ -203,9 +185,6 @@ def describe(outcome: Outcome) -> list[str]:
     lines.append(f'depth {1e3 * calibration.depth:.3f} mm, skin ' + (
         f'{1e3 * calibration.thickness:.3f} mm thick' if calibration.thickness
         else 'without a backing near') + f', unit {calibration.unit}')
-    if outcome.tactels is not None and (idle := outcome.tactels.unloaded).any():
-        lines.append('not loaded, and kept: ' + (
-            named(idle) if idle.sum() <= MOST_NAMED else f'{idle.sum()} tactels'))
     for name, bad in outcome.left_out.items():
         lines += [f'{name}, frame {k} left out: {bad[k]}' for k in list(bad)[:MOST_NAMED]]
         if len(bad) > MOST_NAMED:
@@ -234,7 +213,7 @@ def run(options: argparse.Namespace) -> bool:
             next(done, STEPS), 'calibrate', text))
         if options.report:
             progress.show(STEPS, 'report')
-            draw_report(outcome, recordings.ball_radius, options.report)
+            draw_report(outcome, options.report)
     save_calibration(outcome.calibration, options.out)
     print(*describe(outcome), f'{options.out} written',
           *(f'doubtful: {text}' for text in outcome.doubts),
