@@ -8,7 +8,7 @@ import pytest
 from edge_tracking.recording.run import Contacts, Images, Poses, RunData, Statuses
 from edge_tracking.recording.summary import shape_of_surface, summarise, truth
 from edge_tracking.report.page import make_report, Shown
-from tactile_sensing.dome.skin import SkinConfig
+from tactile_sensing.dome.finite_elements import SkinConfig
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric

@@ -3,13 +3,11 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.dome import operator_cache
+from tactile_sensing.dome import finite_elements
 from tactile_sensing.dome.finite_element_model import FiniteElementDome
-from tactile_sensing.dome.finite_elements import solve
+from tactile_sensing.dome.finite_elements import operator_for, SkinConfig, solve
 from tactile_sensing.dome.geometry import contact_frame, Dome
 from tactile_sensing.dome.half_space import HalfSpaceDome
-from tactile_sensing.dome.operator_cache import operator_for
-from tactile_sensing.dome.skin import SkinConfig
 from tactile_sensing.thesis import point
 from tactile_sensing.types.array import TactelArray
 
@@ -113,7 +111,7 @@ def test_the_surface_is_that_of_the_sphere(model):
 def test_an_operator_is_kept(tmp_path, monkeypatch):
     skin = SkinConfig(across=3, layers=1, points=1)
     built = operator_for(DOME, skin, ARRAY, tmp_path)
-    monkeypatch.setattr(operator_cache.finite_elements, 'solve', None)
+    monkeypatch.setattr(finite_elements, 'solve', None)
     kept = operator_for(DOME, skin, ARRAY, tmp_path)
     assert all((one == other).all() for one, other in zip(built, kept, strict=True))
     with pytest.raises(TypeError):  # others are built

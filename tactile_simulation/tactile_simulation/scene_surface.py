@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
+from tactile_sensing.dome.finite_elements import SkinConfig
 from tactile_sensing.dome.geometry import Dome
-from tactile_sensing.dome.skin import SkinConfig
 from tactile_simulation.scene_file import (
     common,
     MAX_LENGTH,

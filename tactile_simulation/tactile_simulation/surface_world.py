@@ -8,9 +8,8 @@ import numpy as np
 
 from tactile_common.config import bounded, check_fields
 from tactile_sensing.dome.finite_element_model import FiniteElementDome, superpose
+from tactile_sensing.dome.finite_elements import operator_for, SkinConfig
 from tactile_sensing.dome.geometry import Dome
-from tactile_sensing.dome.operator_cache import operator_for
-from tactile_sensing.dome.skin import SkinConfig
 from tactile_simulation.metrics import largest, NAN, rms
 from tactile_simulation.sensor import Sensor, Skin
 from tactile_simulation.surface_objects import nearest_point, normal_at, SolidObject

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_sensing.dome.skin import SkinConfig
+from tactile_sensing.dome.finite_elements import SkinConfig
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.types import EdgeGoal, State

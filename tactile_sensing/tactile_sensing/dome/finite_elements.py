@@ -6,19 +6,44 @@ the reading for any load f is g' f. This needs one factorisation, and one back-s
 tactel. g is the displacement due to b as a load; it is evaluated where f presses (reciprocity).
 """
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import astuple, dataclass
+import hashlib
+import os
+from pathlib import Path
 from typing import Any, NamedTuple
+import zipfile
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import splu, SuperLU
 
+from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
+from tactile_common.npz_stream import write_arrays
+from tactile_common.progress import Progress
 from tactile_sensing.dome.geometry import Dome
-from tactile_sensing.dome.skin import SkinConfig
 from tactile_sensing.types.array import TactelArray
 
 GAUSS = 0.5 / np.sqrt(3.0)  # distance of sample points from a tactel's centre [tactel sides]
+QUIET = 2.0  # time before the progress bar appears [s]
 BESIDE = 1e-9  # relative change of a radius to get to one side of the border of two layers
+
+
+@dataclass(frozen=True)
+class SkinConfig:
+    """Material of the skin, and the sizes of its finite element mesh."""
+
+    young: float = bounded(0.3e6, "Young's modulus of the rubber", 'Pa', 1e3, 1e9)
+    poisson: float = bounded(0.45, "Poisson's ratio of the rubber", '', 0.0, 0.499)
+    half_angle: float = bounded(
+        0.75, 'from the apex to the middle of the rim of the skin', 'rad', 0.1, 0.78)
+    across: int = bounded(25, 'elements across the skin, each way', '', 3, 200)
+    layers: int = bounded(4, 'elements from core to surface', '', 1, 20)
+    points: int = bounded(4, 'points on each side of an element that loads can press', '', 1, 9)
+
+    def __post_init__(self) -> None:
+        check_fields(self, 'skin.')
 
 
 class Operator(NamedTuple):
@@ -28,6 +53,34 @@ class Operator(NamedTuple):
     areas: np.ndarray  # (N,): surface area of each point [m^2]
     green: np.ndarray  # (N, 3, rows * columns): pressure per force [Pa/N]
     modulus: np.ndarray  # (): pressure per indentation of the skin's surface [Pa/m]
+
+
+def operator_for(dome: Dome, skin: SkinConfig, array: TactelArray,
+                 folder: Path | None = None) -> Operator:
+    """
+    Return the solution for a skin from the cache; if it is missing, solve and save it.
+
+    The file name is a hash of everything that the solution depends on, including the source code
+    of the finite elements. The default folder is in the user's cache, in XDG_CACHE_HOME. If a file
+    cannot be read, the skin is solved again. If the folder is not writable, nothing is saved.
+    """
+    folder = folder or Path(os.environ.get('XDG_CACHE_HOME') or '~/.cache').expanduser() / (
+        'tactile_domes')
+    given = repr((astuple(dome), astuple(skin), astuple(array))).encode()
+    key = hashlib.sha256(Path(__file__).read_bytes() + given).hexdigest()[:20]
+    path = folder / f'{key}.npz'
+    try:
+        with np.load(path) as stored:
+            return Operator(**{name: stored[name] for name in Operator._fields})
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        pass
+    with Progress(1.0, delay=QUIET) as bar:
+        operator = solve(
+            dome, skin, array, lambda share, step: bar.show(share, 'skin', step))
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_arrays(path, **operator._asdict())
+    return operator
 
 
 def solve(dome: Dome, skin: SkinConfig, array: TactelArray,
