@@ -14,7 +14,7 @@ from tactile_servo.control.stability import gain_limit
 from tactile_servo.laws import resolved_rate
 from tactile_servo.laws.edge_config import EdgeFollowingConfig, PathConfig
 from tactile_servo.laws.resolved_rate import PositionConfig, ResolvedRateConfig
-from tactile_servo.motion.motion import MotionConfig
+from tactile_servo.motion.motion import COMMITTED
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import PICTURE_EVERY, Simulation, STEP
 from tactile_simulation.scene import load_scene
@@ -91,7 +91,7 @@ def theoretical_gain(latency, dead_time, lag):
     committed part of the servo's windows.
     """
     return gain_limit(latency + dead_time + 0.5 * STEP * (1 + PICTURE_EVERY)
-                      + MotionConfig.committed, lag)
+                      + COMMITTED, lag)
 
 
 def is_stable(tracker, gain, latency):

@@ -36,7 +36,7 @@ PASSES = 5
 CALLS = ('see_joints', 'see_image', 'see_contact', 'cycle')
 # Clocks take time, so nested parts are timed in different passes.
 SETS = ({name: (Supervisor, name) for name in CALLS},
-        {'- freshness': (Inputs, 'refresh'), '- way counted': (GoalRun, 'count'),
+        {'- freshness': (Inputs, 'refresh'),
          '- decided': (GoalRun, 'decide'), '- moved on': (GoalRun, 'command'),
          '- status': (Supervisor, '_status')},
         {'- - twist': (GoalRun, 'twist'), '- - Motion.command': (Motion, 'command')})

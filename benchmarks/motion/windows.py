@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tactile_servo.motion.limits import JointLimits
-from tactile_servo.motion.motion import Motion, MotionConfig
+from tactile_servo.motion.motion import COMMITTED, Motion
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_simulation.joint_controller import Late, MockController
@@ -35,7 +35,7 @@ def ahead(window):
                       window.velocities[later])
 
 
-def play(shape, *, committed=MotionConfig.committed, least=0.5e-3, mean=0.3e-3, late=0.0,
+def play(shape, *, committed=COMMITTED, least=0.5e-3, mean=0.3e-3, late=0.0,
          period=0.002, clock=0.0, joined=True, seed=0):
     """
     Return largest and RMS acceleration [rad/s^2] of the commands for a swinging pad.
@@ -45,8 +45,8 @@ def play(shape, *, committed=MotionConfig.committed, least=0.5e-3, mean=0.3e-3, 
     robot = RobotModel.from_urdf(ROOT / 'launch/urdf/puma260.urdf', 'tactile_pad')
     limits = JointLimits(robot.joint_names, robot.lower, robot.upper, robot.velocity_limit,
                          np.full(6, ACCELERATION))
-    rng, motion = np.random.default_rng(seed), Motion(
-        robot, limits, MotionConfig(committed=committed), CYCLE)
+    rng, motion = np.random.default_rng(seed), Motion(robot, limits, CYCLE)
+    motion.expect_lateness(committed)
     motion.seed(START)
     controller = MockController(
         robot.joint_names, robot.lower, robot.upper, robot.velocity_limit, rate=1.0 / period,

@@ -151,7 +151,7 @@ def follow(case: Case, seed: int) -> tuple[dict[str, Any], list, list]:
     scene = replace(load_scene(scene_file(case.scene)), start=case.start)
     if case.step is not None:
         scene = replace(scene, surface=Placed(StepShape(case.step), scene.top))
-    bounds = ServoConfig(force=ForceBounds(max=16.0, max_load=20.0)) if max(
+    bounds = ServoConfig(force=ForceBounds(max_load=20.0)) if max(
         case.goal.force, case.before) > 10.0 else ServoConfig()
     robot = gantry(scene.plant.acceleration, case.wrist) if case.wrist else None
     simulation = Simulation(scene, case.law, seed=seed, settings=case.settings, config=bounds,

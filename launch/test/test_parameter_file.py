@@ -65,7 +65,6 @@ def test_a_name_may_be_cut_into_mappings(written):
      'no parameter speed.maks; did you mean speed.max'),
     (section('/**/edge_servo', 'force: {gian: 3.0}', 'use_sim_time: true'),
      '/\\*\\*/edge_servo: no parameter force.gian; did you mean force.gain'),
-    (section('/**/edge_servo', 'force: {max: 20.0}'), 'force.max: 20.0 N is not below'),
     (section('/**/mock_sensor', 'rate: -1.0'), '/tactile/mock_sensor: rate is -1.0'),
     ('rate: 100.0', 'must be a mapping of names of nodes'),
     ('', 'must be a mapping of names of nodes'),

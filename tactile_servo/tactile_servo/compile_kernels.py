@@ -15,7 +15,7 @@ from tactile_servo.inputs import Inputs
 from tactile_servo.law import Observation
 from tactile_servo.laws.edge_following import EdgeFollowing
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
-from tactile_servo.motion.motion import Motion, MotionConfig
+from tactile_servo.motion.motion import Motion
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.types import EdgeGoal
 
@@ -41,17 +41,17 @@ def compile_kernels() -> None:
     limits = JointLimits(tuple(model.joint_names), model.lower, model.upper,
                          model.velocity_limit, np.ones(2))
     half_spaces(Skin(DEPTH, 2.0 * DEPTH))  # no kernel, but its first call is slow
-    motion = Motion(model, limits, MotionConfig(), 0.0025, WorkspaceBox(-np.ones(3), np.ones(3)))
+    motion = Motion(model, limits, 0.0025, WorkspaceBox(-np.ones(3), np.ones(3)))
     motion.seed(np.zeros(2))
     motion.command(np.full(6, 0.01), 0)
     motion.along(np.ones(6))
-    inputs = Inputs(model, limits, ServoConfig().input)
+    inputs = Inputs(model, limits)
     inputs.see_joints(np.zeros(2), 0, 0.0)
     image = TactileImage(0, 0, (Layer('zz', DEPTH, np.zeros(ARRAY.shape)),), ARRAY, True)
     inputs.see_image(image, 0.0)
     for loaded in (False, True):
         inputs.watch.see(image, loaded, np.zeros(3))
-    following = Following(ServoConfig().input, 0.04)
+    following = Following(0.002)
     following.sent(0.0, motion.pose, inputs.pose)
     following.problem(inputs.pose, 0.0)
     _follow_an_edge(motion)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_servo.config import InputConfig
+from tactile_servo.motion.inverse import ROTATION_LENGTH
 from tactile_servo.reasons import Reason, ReasonCode
 
 SIZE = 512  # number of stored cycles
@@ -15,14 +15,10 @@ LATE = 0.05  # s, largest delay of the robot: dead time and lag of an arm that c
 
 
 class Following:
-    """
-    Compares recently commanded poses of the sensor with measured ones.
+    """Compares recently commanded poses of the sensor with measured ones, see `apart`."""
 
-    Rotations count as lengths: angle times `rotation_length` [m/rad].
-    """
-
-    def __init__(self, config: InputConfig, rotation_length: float):
-        self._config, self._length = config, rotation_length
+    def __init__(self, distance: float):
+        self._distance = distance  # largest distance from the commanded way [m]
         self._times = np.empty(SIZE)
         self._sent, self._measured = np.empty((SIZE, 3, 4)), np.empty((SIZE, 3, 4))
         self._count = 0
@@ -41,11 +37,9 @@ class Following:
         """Check a measured pose (4, 4) that arrived at a time [s]; None if the robot follows."""
         if not self._count:
             return None
-        c = self._config
-        away, stands = _judge(
-            self._times, self._sent, self._measured, self._count, measured,
-            arrival - LATE, REST_AFTER * c.following_distance, self._length)
-        if not away <= c.following_distance:
+        away, stands = _judge(self._times, self._sent, self._measured, self._count, measured,
+                              (arrival - LATE, REST_AFTER * self._distance))
+        if not away <= self._distance:
             return Reason(ReasonCode.NOT_FOLLOWING, f'it is {1e3 * away:.1f} mm from its way')
         if stands:
             return Reason(ReasonCode.NOT_FOLLOWING,
@@ -54,11 +48,11 @@ class Following:
 
 
 @njit(cache=True)
-def apart(one: np.ndarray, other: np.ndarray, length: float) -> float:
+def apart(one: np.ndarray, other: np.ndarray) -> float:
     """
     Return the distance of two poses (3 or 4, 4) [m].
 
-    It is the larger of the distance of their positions and the rotation times `length` [m/rad].
+    It is the larger of the distance of their positions and the rotation times `ROTATION_LENGTH`.
     """
     place = turn = 0.0
     for i in range(3):
@@ -66,52 +60,32 @@ def apart(one: np.ndarray, other: np.ndarray, length: float) -> float:
         for j in range(3):
             turn += (one[i, j] - other[i, j])**2
     # The difference of two rotations by an angle a has the norm 2 sqrt(2) sin(a / 2).
-    return max(math.sqrt(place), length * math.sqrt(0.5 * turn))
+    return max(math.sqrt(place), ROTATION_LENGTH * math.sqrt(0.5 * turn))
 
 
 @njit(cache=True)
 def _judge(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count: int,
-           measured: np.ndarray, since: float, enough: float, length: float) -> tuple[float, bool]:
-    """Return the robot's distance from its path [m], and whether it is at rest."""
-    return (_away(times, sent, count, measured, since, length),
-            _stands(times, sent, measured_then, count, measured, since, enough, length))
-
-
-@njit(cache=True)
-def _away(times: np.ndarray, sent: np.ndarray, count: int, measured: np.ndarray, since: float,
-          length: float) -> float:
+           measured: np.ndarray, limits: tuple[float, float]) -> tuple[float, bool]:
     """
-    Return the distance to the nearest commanded pose [m].
+    Return the distance to the nearest commanded pose [m], and whether the robot is at rest.
 
-    The commands since a time count, and the last one before it.
+    `limits` are a time [s] and a distance `enough` [m]. The commands since that time count for
+    the distance, and the last one before it. The robot is at rest if it was commanded by `enough`
+    until then, and has moved by at most `REST_SHARE` of that.
     """
-    nearest = math.inf
-    for n in range(count - 1, max(count - len(times), 0) - 1, -1):
-        distance = apart(sent[n % len(times)], measured, length)
-        if not distance >= nearest:
-            nearest = distance
-        if times[n % len(times)] < since:
+    since, enough = limits
+    nearest, moved, last = math.inf, 0.0, -1
+    for n in range(count - 1, max(count - SIZE, 0) - 1, -1):
+        k = n % SIZE
+        if last < 0:
+            distance = apart(sent[k], measured)
+            if not distance >= nearest:  # also if it is NaN
+                nearest = distance
+            if times[k] <= since:
+                last = k
+        moved = max(moved, apart(measured_then[k], measured))
+        if last >= 0 and moved > REST_SHARE * enough:
             break
-    return nearest
-
-
-@njit(cache=True)
-def _stands(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count: int,
-            measured: np.ndarray, until: float, enough: float, length: float) -> bool:
-    """
-    Return whether the robot is at rest although it was commanded to move.
-
-    It was commanded by `enough` [m] until a time, and has moved by at most `REST_SHARE` of that.
-    """
-    size = len(times)
-    last, moved = -1, 0.0
-    for n in range(count - 1, max(count - size, 0) - 1, -1):
-        k = n % size
-        moved = max(moved, apart(measured_then[k], measured, length))
-        if moved > REST_SHARE * enough:
-            return False
-        if last < 0 and times[k] <= until:
-            last = k
-        if last >= 0 and apart(sent[k], sent[last], length) >= enough:
-            return True
-    return False
+        if last >= 0 and apart(sent[k], sent[last]) >= enough:
+            return nearest, True
+    return nearest, False

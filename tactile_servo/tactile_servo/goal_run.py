@@ -1,43 +1,45 @@
 """Runs one goal: decides when the pad approaches, tracks, holds and lifts off."""
 
+from collections import defaultdict
 from collections.abc import Callable
 
 import numpy as np
 
-from tactile_servo.config import ServoConfig
+from tactile_servo.config import PRESS_DEPTH, ServoConfig, STALE_AFTER
 from tactile_servo.control.press_check import doubted, most_unfelt
 from tactile_servo.cycle_clock import CycleClock
 from tactile_servo.following import apart, Following
 from tactile_servo.hold import BINDING, Hold
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Assessment, Goal, Reference, ServoLaw
-from tactile_servo.motion.inverse import ROTATION_LENGTH
 from tactile_servo.motion.motion import Motion, MotionStep
-from tactile_servo.normal_way import NormalWay
-from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.state_machine import (
+from tactile_servo.normal_way import approach_speed, NormalWay
+from tactile_servo.phases import (
     APPROACHING,
-    Event,
     HELD,
     LIFTING,
     MOVING,
     Phase,
-    RESUMPTION,
     STANDING,
-    StateMachine,
     TOUCHING,
     TRACKING,
 )
-from tactile_servo.state_times import StateTimes
+from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.track_statistics import TrackStatistics
 from tactile_servo.types import State
 
-SOUND_FORCE = 0.5  # share of the goal's force above which `press_depth` counts from the pose then
+SOUND_FORCE = 0.5  # share of the goal's force above which PRESS_DEPTH counts from the pose then
 SETTLE = 0.1  # s from the end of the last command until the robot is at rest
 NEAR = 5.0  # times `following_distance`: only a robot this near is sent to its measured position
 BESIDE = 0.1  # largest share of images beside the tracked feature for a success
 SLIGHT = 0.1  # times `following_distance`: a command by less than this counts as no motion
 LONGEST_PAUSE = 3600.0  # s
+# Time within which a hold ends by itself when its cause goes away [s]; people near the robot still
+# remember that it moved. After a longer one the pad lifts off and the robot waits to be asked.
+RESUME_WITHIN = 0.5
+# Time limit of a state: SLACK, and the time for its distance at the share SLOWNESS of its speed.
+SLACK, SLOWNESS = 10.0, 0.05  # s
+LONGEST_TRACK = 1800.0  # s, for a goal without a length
 
 
 class GoalRun:
@@ -50,6 +52,8 @@ class GoalRun:
 
     Attributes
     ----------
+    phase, reason : Phase, Reason
+        What the servo does, and why.
     reference : Reference or None
         Last wanted motion of the law; None unless the law moves the pad.
     observed : float
@@ -59,24 +63,26 @@ class GoalRun:
     """
 
     def __init__(self, goal: Goal, config: ServoConfig, law: ServoLaw, inputs: Inputs,
-                 motion: Motion, machine: StateMachine):
+                 motion: Motion, now: float):
         assert inputs.sensor is not None  # otherwise the goal would have been refused
         array = inputs.sensor.array
+        self.phase, self.reason = Phase.APPROACH, Reason(ReasonCode.GOAL_ACCEPTED)
+        self._since = now  # steady time of the last change of phase [s]
         self.goal, self.statistics = goal, TrackStatistics(
             goal.force, law.near * max(array.pitch_x, array.pitch_y))
         self.reference: Reference | None = None
         self.observed, self.success = -np.inf, False
-        self.hold = Hold(Event.APPROACH_AGAIN, Reason(ReasonCode.NONE), -np.inf)
-        self._config, self._law, self._inputs = config, law, inputs
-        self._motion, self._machine = motion, machine
+        self.hold = Hold(Phase.APPROACH, Reason(ReasonCode.NONE), -np.inf)
+        self._config, self._law, self._inputs, self._motion = config, law, inputs, motion
         self._way = NormalWay(config, goal, law, inputs, motion)
-        self._following = Following(config.input, ROTATION_LENGTH)
-        self._times = StateTimes(config, goal)
-        self._paused, self._outcome = False, machine.reason
+        self._following = Following(config.input.following_distance)
+        self._longest = time_limits(config, goal)
+        self._spent: dict[State, float] = defaultdict(float)
+        self._paused, self._outcome = False, self.reason
         self._tested = not config.self_test
-        # Of this cycle: steady time and period [s], why the robot must stand still, what must be
-        # observed before a hold ends, and the assessment of the law.
-        self._now, self._dt = -np.inf, 0.0
+        # Of this cycle: steady time, period, time since the previous cycle [s], why the robot must
+        # stand still, what must be observed before a hold ends, and the assessment of the law.
+        self._now, self._dt, self._gap = now, 0.0, 0.0
         self._why: Reason | None = None
         self._unseen: Reason | None = None
         self._found: Assessment | None = None
@@ -87,29 +93,19 @@ class GoalRun:
 
     def cancel(self, code: ReasonCode) -> None:
         """Stop within the robot's limits and end the goal."""
-        self._machine.fire(Event.STOP, Reason(code), self._now)
+        self._enter(Phase.STOPPING, Reason(code))
 
     def pause(self, paused: bool) -> Reason | None:
         """Hold (true) or continue (false); return why that does not happen, or None."""
-        self._paused, phase, wrong = paused, self._machine.phase, self._why
-        if phase is Phase.STOPPING:
-            return self._machine.reason
-        if paused or phase not in HELD:
+        self._paused, wrong = paused, self._why
+        if self.phase is Phase.STOPPING:
+            return self.reason
+        if paused or self.phase not in HELD:
             return None
         if wrong is not None and wrong.code is ReasonCode.PAUSED:  # may hide another problem
-            wrong = self._standstill(phase)
+            wrong = self._standstill()
         self.hold.asked = wrong is None
         return wrong
-
-    def count(self) -> None:
-        """Add the distance since the last cycle to the statistics."""
-        phase, reference = self._machine.phase, self.reference
-        braking = phase is Phase.SETTLING and self.hold.resumption is Event.TRACK_AGAIN
-        if reference is not None and (phase in TRACKING or braking):
-            self.statistics.move(self._inputs.pose, reference.heading,
-                                 phase in TRACKING and phase is not Phase.SEARCH)
-        else:
-            self.statistics.stand()
 
     def decide(self, now: float, dt: float, clock: CycleClock,
                around: Reason | None = None) -> None:
@@ -118,24 +114,35 @@ class GoalRun:
 
         Faults of the clock, and problems `around` the servo, are reasons to hold.
         """
-        phase = self._machine.phase
-        self._now, self._dt, self._found = now, dt, None
+        self._count_way()
+        self._spent[_limited(self.phase)] += now - self._now
+        self._now, self._dt, self._gap, self._found = now, dt, clock.gap, None
         self._why = clock.fault or (
-            around if phase not in LIFTING else None) or self._standstill(phase)
-        self._times.count(phase.state, now)
-        if phase in HELD:
+            around if self.phase not in LIFTING else None) or self._standstill()
+        if self.phase in HELD:
             self._unseen = self._lacking()
             self.hold.see(self._why is None and self._unseen is None, now)
-        for guard, event in _RULES_OF[phase]:
+        for guard, following in _RULES_OF[self.phase]:
             if (reason := guard(self)) is not None:
-                self._fire(event, reason, clock.gap)
+                self._enter(following if isinstance(following, Phase)
+                            else following(self, reason), reason)
                 return
 
-    def _standstill(self, phase: Phase) -> Reason | None:
+    def _count_way(self) -> None:
+        """Add the distance since the last cycle to the statistics."""
+        phase, reference = self.phase, self.reference
+        braking = phase is Phase.SETTLING and self.hold.after is Phase.TRACK
+        if reference is not None and (phase in TRACKING or braking):
+            self.statistics.move(self._inputs.pose, reference.heading,
+                                 phase in TRACKING and phase is not Phase.SEARCH)
+        else:
+            self.statistics.stand()
+
+    def _standstill(self) -> Reason | None:
         """Return why the robot must stop, independently of the law, or None."""
         if self._paused:
             return Reason(ReasonCode.PAUSED)
-        inputs = self._inputs
+        inputs, phase = self._inputs, self.phase
         missing = inputs.joints_missing()
         if missing is None and phase not in LIFTING:  # lifting off needs no image
             missing = inputs.contact_missing(self._law.sees_images)
@@ -147,7 +154,7 @@ class GoalRun:
     def _lacking(self) -> Reason | None:
         """Return what must be observed before a hold can end, or None."""
         hold = self.hold
-        if hold.resumption is not Event.TRACK_AGAIN or hold.blind or self._came_off():
+        if hold.after is not Phase.TRACK or hold.blind or self._came_off():
             return None
         lacking = self._law.lacks(self._now)
         return hold.cause if lacking and hold.of_law else lacking
@@ -155,44 +162,47 @@ class GoalRun:
     def _came_off(self) -> bool:
         """Return whether the pad lost contact while stopping and must approach again."""
         hold = self.hold
-        return (hold.resumption is Event.TRACK_AGAIN and not hold.blind and not hold.of_law
+        return (hold.after is Phase.TRACK and not hold.blind and not hold.of_law
                 and hold.cause.code is not ReasonCode.NOT_FOLLOWING and self._stays
-                and self._inputs.load < self._config.approach.contact_force
-                and self._law.lacks(self._now) is not None
+                and not self._in_contact and self._law.lacks(self._now) is not None
                 and self._off() <= self._config.input.following_distance)
+
+    @property
+    def _in_contact(self) -> bool:
+        return self._inputs.load >= self._config.approach.contact_force
 
     def _off(self) -> float:
         """Return the robot's distance from the end of its last window, as in `apart` [m]."""
-        return apart(self._motion.rest_pose, self._inputs.pose,
-                     ROTATION_LENGTH)
+        return apart(self._motion.rest_pose, self._inputs.pose)
 
-    # Guards: each returns the reason of an event that is due, or None.
+    # Guards: each returns the reason of a rule that is due, or None.
 
     def _played_out(self) -> Reason | None:
         """Check whether the last command has ended."""
-        return self._machine.reason if self._now >= self._moving + SETTLE else None
+        return self.reason if self._now >= self._moving + SETTLE else None
 
     def _stands(self) -> Reason | None:
         """Check whether the last command has ended and the robot's position is known."""
         known = self._inputs.joints_fresh and self._dt > 0.0
-        return self._machine.reason if self._stays else self._played_out() if known else None
+        return self.reason if self._stays else self._played_out() if known else None
 
     def _waited_long(self) -> Reason | None:
-        limits, hold = self._config.hold, self.hold
-        if self._now - hold.began <= (LONGEST_PAUSE if self._paused else limits.give_up):
+        hold = self.hold
+        longest = LONGEST_PAUSE if self._paused else self._config.hold.give_up
+        if self._now - hold.began <= longest:
             return None
         well = hold.well_since is not None
-        return Reason(ReasonCode.GAVE_UP, (hold.cause if well else self._machine.reason).text)
+        return Reason(ReasonCode.GAVE_UP, (hold.cause if well else self.reason).text)
 
     def _unloads(self) -> Reason | None:
         """Check whether the hold lasts long while the pad is still pressed."""
-        hold, limits, wrong = self.hold, self._config.hold, self._why
+        hold, wrong = self.hold, self._why
         bound = hold.bound or (wrong is not None and wrong.code in BINDING)
-        pressed = hold.resumption is Event.TRACK_AGAIN and not bound
-        lasts = self._now - hold.began > limits.resume_within
+        pressed = hold.after is Phase.TRACK and not bound
+        lasts = self._now - hold.began > RESUME_WITHIN
         able = (self._inputs.joints_fresh and self._now >= self._moving
                 and self._off() <= self._config.input.following_distance)
-        return self._machine.reason if limits.lift and pressed and lasts and able else None
+        return self.reason if pressed and lasts and able else None
 
     def _unloaded(self) -> Reason | None:
         """Check whether the pad has lifted off, or cannot move."""
@@ -210,8 +220,8 @@ class GoalRun:
         return Reason(ReasonCode.RESUMED) if able else None
 
     def _well_soon(self) -> Reason | None:
-        since, within = self.hold.well_since, self._config.hold.resume_within
-        able = (since is not None and since - self.hold.began <= within
+        since = self.hold.well_since
+        able = (since is not None and since - self.hold.began <= RESUME_WITHIN
                 and self._now >= self._moving)
         return Reason(ReasonCode.INPUT_BACK) if able else None
 
@@ -224,14 +234,14 @@ class GoalRun:
         return Reason(ReasonCode.MOTION_BLOCKED, blocked) if blocked else None
 
     def _too_long(self) -> Reason | None:
-        state = self._machine.phase.state
-        if not self._times.over(state):
-            return None
-        return Reason(ReasonCode.TIME_LIMIT, f'{self._times.longest(state):.0f} s')
+        state = _limited(self.phase)
+        longest = self._longest[state]
+        over = self._spent[state] > longest
+        return Reason(ReasonCode.TIME_LIMIT, f'{longest:.0f} s') if over else None
 
     def _cannot_lift(self) -> Reason | None:
         """Return what prevents the pad from lifting off, appended to the unchanged outcome."""
-        hindered, (code, detail) = self._blocked() or self._too_long(), self._machine.reason
+        hindered, (code, detail) = self._blocked() or self._too_long(), self.reason
         return hindered and Reason(code, '; '.join(filter(None, (detail, hindered.text))))
 
     def _overload(self) -> Reason | None:
@@ -245,8 +255,7 @@ class GoalRun:
             inputs.load, self._now)
 
     def _touches(self) -> Reason | None:
-        touches = (self._inputs.load >= self._config.approach.contact_force
-                   and self._law.lacks(self._now) is None)
+        touches = self._in_contact and self._law.lacks(self._now) is None
         return Reason(ReasonCode.CONTACT) if touches else None
 
     def _touches_untested(self) -> Reason | None:
@@ -261,8 +270,8 @@ class GoalRun:
         return Reason(ReasonCode.CONTACT) if self._way.tested else None
 
     def _touches_nothing_to_track(self) -> Reason | None:
-        lacking, since = self._law.lacks(self._now), self._machine.since
-        looked = self.observed > since or self._now - since > self._config.input.stale_image
+        lacking, since = self._law.lacks(self._now), self._since
+        looked = self.observed > since or self._now - since > STALE_AFTER
         if lacking is None or self._inputs.largest_load < self.goal.force or not looked:
             return None
         return Reason(ReasonCode.NO_EDGE, lacking.text)
@@ -279,14 +288,13 @@ class GoalRun:
             'measures too little') if unfelt > most_unfelt(self.goal.force) else None
 
     def _presses_too_deep(self) -> Reason | None:
-        deepest = self._config.force.press_depth
-        return Reason(ReasonCode.TOO_DEEP, f'{1e3 * deepest:g} mm, without the force') if (
-            self._way.advance > deepest) else None
+        return Reason(ReasonCode.TOO_DEEP, f'{1e3 * PRESS_DEPTH:g} mm, without the force') if (
+            self._way.advance > PRESS_DEPTH) else None
 
     def _law_says(self, state: State) -> Reason | None:
         """Check whether the law changes to a state, or gives another reason for it."""
-        found, machine = self._assessed(), self._machine
-        news = machine.phase.state is not state or machine.reason.code is not found.reason.code
+        found = self._assessed()
+        news = self.phase.state is not state or self.reason.code is not found.reason.code
         return found.reason if found.state is state and news else None
 
     def _law_fails(self) -> Reason | None:
@@ -319,56 +327,72 @@ class GoalRun:
             doubted(unfelt, self.goal.force)) else ''
 
     def _lifted(self) -> Reason | None:
-        return self._machine.reason if self._way.lifted and self._motion.standing else None
+        return self.reason if self._way.lifted and self._motion.standing else None
 
-    def _fire(self, event: Event, reason: Reason, gap: float) -> None:
-        """Perform the actions of an event and change the phase."""
-        phase, hold, now = self._machine.phase, self.hold, self._now
-        if event is Event.HOLD:
-            if phase in MOVING:
-                hold = self.hold = Hold(
-                    RESUMPTION[phase], reason, now - gap, of_law=reason is not self._why)
-                hold.blind = phase is Phase.SEARCH and not hold.of_law
-                hold.bound = gap > self._config.hold.resume_within
-                self._moving = max(self._moving, now)
-            if phase is Phase.UNLOADING and reason is not self._why:  # the pad has lifted off
-                hold.resumption = Event.APPROACH_AGAIN
-            else:
-                joints, within = self._inputs.joints, self._config.hold.resume_within
-                hold.worsen(reason, joints is None or now - joints.arrival > within)
-        elif event is Event.RESUME:
-            event = Event.APPROACH_AGAIN if self._came_off() else hold.resumption
-            reason = self._outcome if event is Event.RETREAT_AGAIN else reason
-            self._start_here()
-            self._law.resume()
-        elif event is Event.UNLOAD:
-            self._start_here()
-            self._motion.reset_blocked()
-        elif event in (Event.END, Event.LIFT):
-            event = self._ended(event, reason)
-        elif event is Event.TEST:
-            self._way.begin_test()
-        elif event is Event.TOUCH:
-            self._way.touch()
-            self._tested = True
-        elif event is Event.SEARCH:
-            self._way.begin()
-        if not self._stays and self._stands() and event in (Event.STAND, Event.REST):
-            self._stand()
-        self._machine.fire(event, reason, now)
+    # What a rule leads to: each returns the next phase.
 
-    def _ended(self, event: Event, reason: Reason) -> Event:
-        """Record the outcome; return LIFT if that is asked for and possible, else STOP."""
-        phase = self._machine.phase
+    def _begin_hold(self, reason: Reason) -> Phase:
+        phase, of_law = self.phase, reason is not self._why
+        after = (Phase.APPROACH if phase in APPROACHING else
+                 phase if phase is Phase.RETREAT else Phase.TRACK)
+        self.hold = Hold(after, reason, self._now - self._gap, of_law=of_law,
+                         blind=phase is Phase.SEARCH and not of_law,
+                         bound=self._gap > RESUME_WITHIN)
+        self._moving = max(self._moving, self._now)
+        return self._go_on_holding(reason)
+
+    def _go_on_holding(self, reason: Reason) -> Phase:
+        joints = self._inputs.joints
+        self.hold.worsen(reason, joints is None or self._now - joints.arrival > RESUME_WITHIN)
+        return self.phase if self.phase in STANDING else Phase.SETTLING
+
+    def _hold_unloaded(self, _: Reason) -> Phase:
+        self.hold.after = Phase.APPROACH
+        return Phase.SETTLING
+
+    def _stay_held(self, _: Reason) -> Phase:
+        return self.phase
+
+    def _resume(self, _: Reason) -> Phase:
+        after = Phase.APPROACH if self._came_off() else self.hold.after
+        self._start_here()
+        self._law.resume()
+        return after
+
+    def _end(self, reason: Reason) -> Phase:
+        """End the goal, and lift off if it asks for that."""
+        return self._lift(reason, self.goal.retreat)
+
+    def _lift(self, reason: Reason, lift: bool = True) -> Phase:
+        """End the goal, and lift off if that is possible."""
         self._outcome, self.success = reason, self._found is not None and self._found.success
-        asked = event is Event.LIFT or self.goal.retreat
-        if not asked or self._why is not None or phase in HELD - {Phase.WAITING}:
-            return Event.STOP
-        if phase is Phase.WAITING:
+        if not lift or self._why is not None or self.phase in HELD - {Phase.WAITING}:
+            return Phase.STOPPING
+        if self.phase is Phase.WAITING:
             self._start_here()
         self._motion.reset_blocked()
         self._way.lift()
-        return Event.LIFT
+        return Phase.RETREAT
+
+    def _enter(self, phase: Phase, reason: Reason) -> None:
+        """Change the phase, or only its reason."""
+        if phase is Phase.TEST:
+            self._way.begin_test()
+        elif phase is Phase.TRACK and self.phase in APPROACHING:
+            self._way.touch()
+            self._tested = True
+        elif phase is Phase.SEARCH:
+            self._way.begin()
+        elif phase is Phase.UNLOADING:
+            self._start_here()
+            self._motion.reset_blocked()
+        elif phase is Phase.RETREAT:
+            reason = self._outcome
+        elif phase in (Phase.WAITING, Phase.DONE) and not self._stays and self._stands():
+            self._stand()
+        if phase is not self.phase:
+            self._since = self._now
+        self.phase, self.reason = phase, reason
 
     def _stand(self) -> None:
         """Request a command to the measured position, where the robot is at rest."""
@@ -389,7 +413,7 @@ class GoalRun:
 
     def command(self, now: float, now_ns: int, dt: float, stamped: bool) -> MotionStep | None:
         """Return the next step of motion, of `dt` [s]; None if nothing is to be commanded."""
-        motion, phase = self._motion, self._machine.phase
+        motion, phase = self._motion, self.phase
         if phase in MOVING | LIFTING:
             trust = self._inputs.trust(now, touch=phase not in LIFTING)
             step = motion.command(trust * self.twist(dt), now_ns, stamped)
@@ -407,7 +431,7 @@ class GoalRun:
 
     def twist(self, dt: float) -> np.ndarray:
         """Compute the wanted twist (6,) of the sensor in its own frame [m/s, rad/s]."""
-        c, phase = self._config, self._machine.phase
+        phase = self.phase
         if phase is Phase.APPROACH:
             return self._way.approach()
         if phase is Phase.TEST:
@@ -417,56 +441,75 @@ class GoalRun:
         self.reference = self._law.reference(
             self._inputs.pose, self._motion.pose, self._motion, dt)
         twist = self.reference.twist
-        if self._inputs.saturated and self._inputs.load >= c.approach.contact_force:
+        if self._inputs.saturated and self._in_contact:
             # The force is larger than measured by an unknown amount: lift. Move sideways no faster
             # than that, because a rising surface may be the cause.
-            twist[2] = min(twist[2], -c.approach.speed)
+            twist[2] = min(twist[2], -self._config.approach.speed)
             twist[:2] *= min(-twist[2] / max(np.hypot(*twist[:2]), 1e-9), 1.0)
         return twist
 
 
-Rule = tuple[frozenset[Phase], Callable[[GoalRun], Reason | None], Event]
+def _limited(phase: Phase) -> State:
+    """Return the state whose time limit holds in a phase."""
+    return State.TRACK if phase in TRACKING else phase.state
+
+
+def time_limits(config: ServoConfig, goal: Goal) -> dict[State, float]:
+    """Return the longest total times of approach, tracking and retreat [s]."""
+    def longest(distance: float, speed: float) -> float:
+        return SLACK + distance / (SLOWNESS * speed)
+
+    length = getattr(goal, 'length', 0.0)
+    return {
+        State.APPROACH: longest(config.approach.distance, approach_speed(config, goal.force)),
+        State.TRACK: longest(length, goal.speed) if length else LONGEST_TRACK,
+        State.RETREAT: longest(config.retreat.distance, config.approach.speed)}
+
+
+Guard = Callable[[GoalRun], Reason | None]
+Next = Phase | Callable[[GoalRun, Reason], Phase]
 _APPROACH, _TEST = frozenset({Phase.APPROACH}), frozenset({Phase.TEST})
 _RETREAT = frozenset({Phase.RETREAT})
 _SETTLING, _WAITING = frozenset({Phase.SETTLING}), frozenset({Phase.WAITING})
 _UNLOADING = frozenset({Phase.UNLOADING})
 _STOPPING, _SEARCH = frozenset({Phase.STOPPING}), frozenset({Phase.SEARCH})
-# Phases, guard, event: in each cycle the first row of the phase whose guard gives a reason fires.
-RULES: tuple[Rule, ...] = (
-    (_STOPPING, GoalRun._played_out, Event.REST),
-    (HELD, GoalRun._waited_long, Event.END),
-    (_SETTLING, GoalRun._stands, Event.STAND),
-    (_WAITING, GoalRun._unloads, Event.UNLOAD),
-    (HELD, lambda run: run._why, Event.HOLD),
-    (_UNLOADING, GoalRun._unloaded, Event.HOLD),
-    (_WAITING, GoalRun._binds, Event.BIND),
-    (_WAITING, GoalRun._overload, Event.LIFT),
-    (_WAITING, GoalRun._lies, Event.LIFT),
-    (STANDING, GoalRun._asked, Event.RESUME),
-    (_WAITING, GoalRun._well_soon, Event.RESUME),
-    (HELD - _UNLOADING, lambda run: run._unseen, Event.REPORT),
-    (STANDING, GoalRun._well, Event.REPORT),
-    (MOVING, lambda run: run._why, Event.HOLD),
-    (_RETREAT, GoalRun._cannot_lift, Event.STOP),
-    (_RETREAT, GoalRun._lifted, Event.REST),
-    (TOUCHING, GoalRun._blocked, Event.END),
-    (TOUCHING, GoalRun._overload, Event.LIFT),
-    (TOUCHING, GoalRun._lies, Event.LIFT),
-    (TOUCHING, GoalRun._too_long, Event.LIFT),
-    (_APPROACH, GoalRun._touches_untested, Event.TEST),
-    (_APPROACH, GoalRun._touches, Event.TOUCH),
-    (_TEST, GoalRun._fails_test, Event.LIFT),
-    (_TEST, GoalRun._passes_test, Event.TOUCH),
-    (APPROACHING, GoalRun._touches_nothing_to_track, Event.LIFT),
-    (_APPROACH, GoalRun._meets_nothing, Event.LIFT),
-    (TRACKING, lambda run: run._law_says(State.HOLD), Event.HOLD),
-    (TRACKING, GoalRun._law_fails, Event.LIFT),
-    (TRACKING, lambda run: run._law_says(State.DONE), Event.END),
-    (TRACKING - _SEARCH, GoalRun._too_deep, Event.LIFT),
-    (TRACKING, GoalRun._presses_too_deep, Event.LIFT),
-    (TRACKING, lambda run: run._law_says(State.TRACK), Event.TRACK),
-    (TRACKING, lambda run: run._law_says(State.CORNER), Event.CORNER),
-    (TRACKING, lambda run: run._law_says(State.SEARCH), Event.SEARCH),
+# Phases, guard, and the next phase or what chooses it: in each cycle the first row of the phase
+# whose guard gives a reason fires. Besides, `cancel` leads from every phase to STOPPING.
+RULES: tuple[tuple[frozenset[Phase], Guard, Next], ...] = (
+    (_STOPPING, GoalRun._played_out, Phase.DONE),
+    (HELD, GoalRun._waited_long, GoalRun._end),
+    (_SETTLING, GoalRun._stands, Phase.WAITING),
+    (_WAITING, GoalRun._unloads, Phase.UNLOADING),
+    (HELD, lambda run: run._why, GoalRun._go_on_holding),
+    (_UNLOADING, GoalRun._unloaded, GoalRun._hold_unloaded),
+    (_WAITING, GoalRun._binds, Phase.ASKED),
+    (_WAITING, GoalRun._overload, GoalRun._lift),
+    (_WAITING, GoalRun._lies, GoalRun._lift),
+    (STANDING, GoalRun._asked, GoalRun._resume),
+    (_WAITING, GoalRun._well_soon, GoalRun._resume),
+    (HELD - _UNLOADING, lambda run: run._unseen, GoalRun._stay_held),
+    (STANDING, GoalRun._well, GoalRun._stay_held),
+    (MOVING, lambda run: run._why, GoalRun._begin_hold),
+    (_RETREAT, GoalRun._cannot_lift, Phase.STOPPING),
+    (_RETREAT, GoalRun._lifted, Phase.DONE),
+    (TOUCHING, GoalRun._blocked, GoalRun._end),
+    (TOUCHING, GoalRun._overload, GoalRun._lift),
+    (TOUCHING, GoalRun._lies, GoalRun._lift),
+    (TOUCHING, GoalRun._too_long, GoalRun._lift),
+    (_APPROACH, GoalRun._touches_untested, Phase.TEST),
+    (_APPROACH, GoalRun._touches, Phase.TRACK),
+    (_TEST, GoalRun._fails_test, GoalRun._lift),
+    (_TEST, GoalRun._passes_test, Phase.TRACK),
+    (APPROACHING, GoalRun._touches_nothing_to_track, GoalRun._lift),
+    (_APPROACH, GoalRun._meets_nothing, GoalRun._lift),
+    (TRACKING, lambda run: run._law_says(State.HOLD), GoalRun._begin_hold),
+    (TRACKING, GoalRun._law_fails, GoalRun._lift),
+    (TRACKING, lambda run: run._law_says(State.DONE), GoalRun._end),
+    (TRACKING - _SEARCH, GoalRun._too_deep, GoalRun._lift),
+    (TRACKING, GoalRun._presses_too_deep, GoalRun._lift),
+    (TRACKING, lambda run: run._law_says(State.TRACK), Phase.TRACK),
+    (TRACKING, lambda run: run._law_says(State.CORNER), Phase.CORNER),
+    (TRACKING, lambda run: run._law_says(State.SEARCH), Phase.SEARCH),
 )
-_RULES_OF = {phase: [(guard, event) for phases, guard, event in RULES if phase in phases]
+_RULES_OF = {phase: [(guard, following) for phases, guard, following in RULES if phase in phases]
              for phase in Phase}

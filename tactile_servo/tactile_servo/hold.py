@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from tactile_servo.phases import Phase
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.state_machine import Event
 
 # Causes after which the robot continues only when asked: whoever caused the hold must know that
 # the robot will move.
@@ -14,12 +14,12 @@ BINDING = frozenset({ReasonCode.PAUSED, ReasonCode.NOT_FOLLOWING, ReasonCode.CON
 @dataclass
 class Hold:
     """
-    Cause of a hold, and conditions of its end. Its phases are those of the state machine.
+    Cause of a hold, and conditions of its end.
 
     Once the hold is `bound`, later problems do not change its cause, except `stray`.
     """
 
-    resumption: Event  # continues what the hold interrupted
+    after: Phase  # in which the goal continues
     cause: Reason
     began: float  # steady time [s]
     blind: bool = False  # it interrupted a search, which needs no observation of the edge

@@ -10,7 +10,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.contact import Reason as ContactReason
 from tactile_sensing.types.image import SensorInfo, TactileImage
-from tactile_servo.config import InputConfig
+from tactile_servo.config import MAX_STAMP_AGE, STALE_AFTER
 from tactile_servo.control.scaling import ramp
 from tactile_servo.motion.joint_history import JointHistory
 from tactile_servo.motion.limits import JointLimits
@@ -47,8 +47,8 @@ class InputRefused(TactileError):
 class Inputs:
     """Newest inputs of a servo: joint state, image, contact, description of the sensor."""
 
-    def __init__(self, robot: RobotModel, limits: JointLimits, config: InputConfig):
-        self._robot, self._config, self._names = robot, config, limits.names
+    def __init__(self, robot: RobotModel, limits: JointLimits):
+        self._robot, self._names = robot, limits.names
         self._history, self.watch, self.wrist = JointHistory(limits), SensorWatch(), Wrist()
         self.joints: Sample | None = None
         self.contact: Sample | None = None
@@ -127,18 +127,13 @@ class Inputs:
 
     def refresh(self, now: float, now_ns: int) -> None:
         """Update the freshness of all inputs, and compare pad and wrist."""
-        self._image_fresh = now - self._pictured <= self._config.stale_image
+        self._image_fresh = now - self._pictured <= STALE_AFTER
         if not self._image_fresh:
             self._summed = 0.0
-        self.contact_fresh = self.sensor is not None and self._fresh(
-            self.contact, self._config.stale_image, now, now_ns)
-        self.joints_fresh = self._fresh(self.joints, self._config.stale_joints, now, now_ns)
-        self._wrist_missing = self.wrist.missing(now, self._config.stale_joints)
+        self.contact_fresh = self.sensor is not None and _fresh(self.contact, now, now_ns)
+        self.joints_fresh = _fresh(self.joints, now, now_ns)
+        self._wrist_missing = self.wrist.missing(now, STALE_AFTER)
         self.wrist.judge(self.load, now)
-
-    def _fresh(self, sample: Sample | None, limit: float, now: float, now_ns: int) -> bool:
-        return (sample is not None and now - sample.arrival <= limit
-                and abs(now_ns - sample.stamp_ns) * 1e-9 <= self._config.max_stamp_age)
 
     def trust(self, now: float, touch: bool) -> float:
         """
@@ -147,8 +142,8 @@ class Inputs:
         With `touch`, the age of the contact counts too. The factor is 1 up to `AGEING` times the
         allowed age, and decreases to 0 at the allowed age.
         """
-        share = _trust(self.joints, now, self._config.stale_joints)
-        return min(share, _trust(self.contact, now, self._config.stale_image)) if touch else share
+        share = _trust(self.joints, now)
+        return min(share, _trust(self.contact, now)) if touch else share
 
     def joints_missing(self) -> Reason | None:
         """Return what is wrong with the joint states, or None."""
@@ -179,8 +174,14 @@ class Inputs:
         return Reason(ReasonCode.NOT_FOLLOWING, self._names[int(np.argmax(off))])
 
 
-def _trust(sample: Sample | None, now: float, limit: float) -> float:
-    return 0.0 if sample is None else ramp(now - sample.arrival, limit, AGEING * limit)
+def _fresh(sample: Sample | None, now: float, now_ns: int) -> bool:
+    return (sample is not None and now - sample.arrival <= STALE_AFTER
+            and abs(now_ns - sample.stamp_ns) * 1e-9 <= MAX_STAMP_AGE)
+
+
+def _trust(sample: Sample | None, now: float) -> float:
+    return 0.0 if sample is None else ramp(
+        now - sample.arrival, STALE_AFTER, AGEING * STALE_AFTER)
 
 
 def _told(array: TactelArray) -> str:

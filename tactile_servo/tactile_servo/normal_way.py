@@ -2,14 +2,20 @@
 
 import numpy as np
 
-from tactile_servo.config import ServoConfig
+from tactile_servo.config import MAX_STAMP_AGE, ServoConfig
 from tactile_servo.control.force_controller import REACTION, unseen_way
 from tactile_servo.control.press_test import PressTest
 from tactile_servo.control.scaling import clipped
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Goal, ServoLaw
 from tactile_servo.motion.motion import Motion
-from tactile_servo.state_times import approach_speed
+
+SOFT_TOUCH = 2.5  # N, wanted force below which the approach is slower, in proportion
+
+
+def approach_speed(config: ServoConfig, force: float) -> float:
+    """Return the speed of the approach [m/s], reduced for forces below `SOFT_TOUCH`."""
+    return config.approach.speed * min(force / SOFT_TOUCH, 1.0)
 
 
 class NormalWay:
@@ -117,7 +123,7 @@ class NormalWay:
         way, contact = self._unseen_way(), self._inputs.contact
         seen = None if contact is None else self._inputs.pose_at(contact.stamp_ns)
         if seen is None:
-            return way / self._config.input.max_stamp_age
+            return way / MAX_STAMP_AGE
         pose = self._motion.pose
         blind = float((pose[:3, 3] - seen[:3, 3]) @ pose[:3, 2])
         return clipped((way - blind) / REACTION, 0.0, np.inf)

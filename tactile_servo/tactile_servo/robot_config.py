@@ -11,6 +11,10 @@ from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
 
+# Distance kept from the URDF's joint limits [rad or m]; a joint that brakes as it was told to
+# never uses it, and a controller's own check of the limits then never trips.
+POSITION_MARGIN = 0.05
+
 
 @dataclass(frozen=True)
 class JointsConfig:
@@ -21,8 +25,6 @@ class JointsConfig:
     acceleration: tuple[float, ...] = field(default=(10.0,), metadata={
         'doc': "largest acceleration: one for all joints, or one each in the URDF's order",
         'unit': 'rad/s^2', 'range': (0.1, 1e3), 'one_for_all': True})
-    position_margin: float = bounded(
-        0.05, "distance kept from the URDF's joint limits", 'rad', 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -64,8 +66,8 @@ def robot_of(config: NodeConfig) -> tuple[RobotModel, JointLimits, WorkspaceBox]
             'robot_description: no URDF given; pass its text or the path of a file')
     model, joints = RobotModel.from_urdf(config.robot_description, config.tip_frame), config.joints
     limits = JointLimits(
-        tuple(model.joint_names), model.lower + joints.position_margin,
-        model.upper - joints.position_margin, model.velocity_limit * joints.velocity_scale,
+        tuple(model.joint_names), model.lower + POSITION_MARGIN,
+        model.upper - POSITION_MARGIN, model.velocity_limit * joints.velocity_scale,
         _each(joints.acceleration, model.joint_names))
     return model, limits, box_of(config)
 

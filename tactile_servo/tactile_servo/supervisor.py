@@ -2,8 +2,8 @@
 Supervisor of a servo law: the contact state machine that decides when to move (chapter 5).
 
 The states are `idle -> approach -> track -> retreat -> done`; every moving state can change to
-`hold`, with a reason. The supervisor reads no clock: stamps and steady times are arguments. Only
-the law knows what is tracked.
+`hold`, with a reason (`goal_run.RULES`). The supervisor reads no clock: stamps and steady times
+are arguments. Only the law knows what is tracked.
 """
 
 from typing import Any
@@ -18,15 +18,15 @@ from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.cycle_clock import CycleClock, STALL
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
-from tactile_servo.law import Goal, LawResult, Observation, Refusal, ServoLaw, Teachable
+from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw, Teachable
 from tactile_servo.motion.clock import ClockCheck
 from tactile_servo.motion.delay import LATEST
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
+from tactile_servo.phases import HELD, TOUCHING, TRACKING
 from tactile_servo.reasons import GoalRefused, Reason, ReasonCode
-from tactile_servo.state_machine import Event, HELD, Phase, StateMachine, TOUCHING, TRACKING
 from tactile_servo.track_statistics import along_contour, TrackStatistics
 from tactile_servo.types import NAN, State, Status
 
@@ -45,11 +45,11 @@ class Supervisor:
     def __init__(self, robot: RobotModel, limits: JointLimits, law: ServoLaw,
                  config: ServoConfig | None = None, workspace: WorkspaceBox | None = None):
         self.law, self.config = law, config or ServoConfig()
-        self.inputs = Inputs(robot, limits, self.config.input)
-        self.motion = Motion(robot, limits, self.config.motion,
-                             1.0 / self.config.rate, workspace)
-        self.run: GoalRun | None = None  # the active goal, or the last one
-        self._machine = StateMachine()
+        self.inputs = Inputs(robot, limits)
+        self.motion = Motion(robot, limits, 1.0 / self.config.rate, workspace)
+        self.run: GoalRun | None = None  # None from `finish` to `start`
+        self._last: GoalRun | None = None  # the same, or the last one
+        self._idle = Reason(ReasonCode.WAITING)  # reason while there is no goal
         self._clock = CycleClock(1.0 / self.config.rate)
         self._robot_clock = ClockCheck()
         self._image: TactileImage | None = None  # the newest
@@ -93,7 +93,7 @@ class Supervisor:
         loaded = self.inputs.load >= self.config.approach.contact_force
         self.inputs.watch.see(image, loaded, self.inputs.pose[:3, 3])
         self._image = image
-        if self._machine.active and self.law.sees_images:
+        if self.active and self.law.sees_images:
             self._tell(image.stamp_ns, arrival, image=image)
 
     def _tell(self, stamp_ns: int, arrival: float, image: TactileImage | None = None,
@@ -106,27 +106,27 @@ class Supervisor:
     @property
     def state(self) -> State:
         """State of the servo."""
-        return self._machine.phase.state
+        return State.IDLE if self.run is None else self.run.phase.state
 
     @property
     def reason(self) -> Reason:
         """Reason of the state."""
-        return self._machine.reason
+        return self._idle if self.run is None else self.run.reason
 
     @property
     def active(self) -> bool:
         """Whether a goal is active."""
-        return self._machine.active
+        return self.state not in (State.IDLE, State.DONE)
 
     @property
     def success(self) -> bool:
         """Whether the last goal was reached."""
-        return self.run is not None and self.run.success
+        return self._last is not None and self._last.success
 
     @property
     def statistics(self) -> TrackStatistics:
         """Statistics of the active goal or the last one."""
-        return TrackStatistics(NAN) if self.run is None else self.run.statistics
+        return TrackStatistics(NAN) if self._last is None else self._last.statistics
 
     def check(self, goal: Any) -> Refusal | None:
         """Return why a goal cannot be accepted now, or None."""
@@ -152,8 +152,7 @@ class Supervisor:
 
     def note(self, refusal: Refusal) -> None:
         """Show a refusal in the status of an idle servo: the action returns no reason for it."""
-        if self.state is State.IDLE:  # in DONE the reason belongs to the result
-            self._machine.fire(Event.REPORT, refusal, self._machine.since)
+        self._idle = refusal
 
     def start(self, goal: Any, now: float) -> None:
         """Start a goal at steady time `now` [s]; GoalRefused if it cannot be accepted."""
@@ -163,21 +162,20 @@ class Supervisor:
         self.law.begin(goal, inputs.sensor)
         self.motion.seed(inputs.joints.value)
         self.motion.delay.forget()
-        self.run = GoalRun(goal, self.config, self.law, inputs, self.motion, self._machine)
+        self.run = self._last = GoalRun(goal, self.config, self.law, inputs, self.motion, now)
         self._silence = 0.0
-        self._machine.fire(Event.START, Reason(ReasonCode.GOAL_ACCEPTED), now)
 
     def hear_client(self) -> None:
         """Process a heartbeat of the goal's client: its `client_timeout` starts again."""
         self._silence = 0.0
 
-    def _end_without_client(self, goal: Goal) -> None:
+    def _end_without_client(self, run: GoalRun) -> None:
         """End a goal whose client is silent, unless the goal is already ending."""
         # A long gap between cycles is no silence: without processor time the servo hears nobody.
         self._silence += min(self._clock.gap, STALL)
-        lost = 0.0 < goal.client_timeout < self._silence
-        if lost and self._machine.phase in TOUCHING | HELD:
-            self.cancel(ReasonCode.CLIENT_LOST)
+        lost = 0.0 < run.goal.client_timeout < self._silence
+        if lost and run.phase in TOUCHING | HELD:
+            run.cancel(ReasonCode.CLIENT_LOST)
 
     def cancel(self, code: ReasonCode = ReasonCode.CANCELLED) -> None:
         """Stop within the robot's limits and end the goal."""
@@ -209,14 +207,15 @@ class Supervisor:
 
     def contour(self) -> list[tuple[int, np.ndarray]]:
         """Return stamps [ns] and sensor poses (4, 4) on the tracked contour, in the base frame."""
-        visited = self.run.statistics.contour if self.run else []
+        visited = self.statistics.contour
         nodes = self.law.result().contour
         return visited if nodes is None else along_contour(nodes, visited)
 
     def finish(self) -> None:
         """Change from DONE to IDLE after the result has been read."""
-        self._machine.fire(Event.FINISH, Reason(ReasonCode.WAITING, f'last: {self.reason.text}'),
-                           self._machine.since)
+        assert self.state is State.DONE
+        self._idle = Reason(ReasonCode.WAITING, f'last: {self.reason.text}')
+        self.run = None
 
     def cycle(self, now: float, now_ns: int) -> tuple[Status, Trajectory | None]:
         """
@@ -232,8 +231,7 @@ class Supervisor:
                 now - joints.arrival), now)
         if self.run is None or not self.active or (dt == 0.0 and self._clock.fault is None):
             return self._status(self.run), None
-        self.run.count()
-        self._end_without_client(self.run.goal)
+        self._end_without_client(self.run)
         self.run.decide(now, dt, self._clock, self.around or self._late())
         self.motion.expect_lateness(self._robot_clock.lateness)
         step = self.run.command(now, now_ns, dt, self._robot_clock.agrees)
@@ -246,22 +244,22 @@ class Supervisor:
                       ) if overdue > LATEST else None
 
     def _status(self, run: GoalRun | None, step: MotionStep | None = None) -> Status:
-        inputs, machine = self.inputs, self._machine
-        status = Status(machine.phase.state, machine.reason, contact_fresh=inputs.contact_fresh,
+        inputs = self.inputs
+        status = Status(self.state, self.reason, contact_fresh=inputs.contact_fresh,
                         joints_fresh=inputs.joints_fresh)
         if inputs.contact is not None:
             status.normal_force = inputs.load
         used = self._image if self.law.sees_images else inputs.contact
         if used is not None:
             status.contact_stamp_ns = used.stamp_ns
-        if run is None or machine.phase is Phase.IDLE:
+        if run is None:
             return status
-        if machine.phase in TRACKING | HELD:
+        if run.phase in TRACKING | HELD:
             error = self.law.error
             if error is not None:
                 status.lateral_error, status.longitudinal_error = error.lateral, error.longitudinal
                 status.angle_error = error.angle
-        if machine.phase in TRACKING and run.reference is not None:
+        if run.phase in TRACKING and run.reference is not None:
             status.speed = run.reference.speed
         status.force_target, status.progress = run.goal.force, run.statistics.length
         if step is not None:

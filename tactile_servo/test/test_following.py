@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from tactile_servo.config import InputConfig
 from tactile_servo.following import apart, Following, LATE
+from tactile_servo.motion.inverse import ROTATION_LENGTH
 from tactile_servo.reasons import ReasonCode
 
 PERIOD = 0.0025  # s
-LENGTH = 0.04  # m/rad
-CONFIG = InputConfig()
+DISTANCE = 0.002  # m
 
 
 def pose(x=0.0, angle=0.0):
@@ -22,7 +21,7 @@ def pose(x=0.0, angle=0.0):
 
 def problem_of(commanded, measured, seconds=1.0):
     """Time and reason of the first problem of two poses over time, or None."""
-    following = Following(CONFIG, LENGTH)
+    following = Following(DISTANCE)
     for k in range(round(seconds / PERIOD)):
         now = k * PERIOD
         reason = following.problem(measured(now), now)
@@ -56,7 +55,7 @@ def test_a_robot_that_answers_too_late_is_found_out():
 
 @pytest.mark.parametrize('offset, follows', [(0.0019, True), (0.0021, False)])
 def test_an_offset_may_be_as_large_as_configured(offset, follows):
-    for measured in (pose(offset), pose(angle=offset / LENGTH)):
+    for measured in (pose(offset), pose(angle=offset / ROTATION_LENGTH)):
         found = problem_of(lambda _: pose(), lambda _, at=measured: at)
         assert (found is None) == follows
 
@@ -74,7 +73,7 @@ def test_what_is_not_finite_does_not_follow():
 
 
 def test_a_new_start_forgets():
-    following = Following(CONFIG, LENGTH)
+    following = Following(DISTANCE)
     following.sent(0.0, pose(1.0), pose())
     assert following.problem(pose(), 0.0) is not None
     following.reset()
@@ -84,5 +83,5 @@ def test_a_new_start_forgets():
 @pytest.mark.parametrize('angle', [1e-6, 0.01, 1.0])
 def test_rotations_count_by_their_angle(angle):
     # The chord 2 sin(a / 2) of the angle.
-    assert apart(pose(), pose(angle=angle), LENGTH) == pytest.approx(
-        LENGTH * 2.0 * np.sin(0.5 * angle), rel=1e-6)
+    assert apart(pose(), pose(angle=angle)) == pytest.approx(
+        ROTATION_LENGTH * 2.0 * np.sin(0.5 * angle), rel=1e-6)

@@ -24,7 +24,7 @@ from tactile_servo.motion.inverse import (
     YIELDING,
 )
 from tactile_servo.motion.limits import JointLimits, Joints, NEGLIGIBLE
-from tactile_servo.motion.motion import Motion, MotionConfig
+from tactile_servo.motion.motion import Motion
 from tactile_servo.motion.robot import RobotModel
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -234,7 +234,7 @@ class _Slides:
 def _motion_at(positions, jacobian=None, limits=None, bias=0.0):
     joints = len(positions)
     motion = Motion(_Slides(np.eye(6) if jacobian is None else jacobian, bias),
-                    limits or limits_of(joints), MotionConfig(), DT)
+                    limits or limits_of(joints), DT)
     motion.seed(positions)
     return motion
 

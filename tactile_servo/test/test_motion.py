@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
-from tactile_servo.motion.motion import BLOCKED_AFTER, Motion, MotionConfig, SETTLING
+from tactile_servo.motion.motion import BLOCKED_AFTER, COMMITTED, Motion, SETTLING
 from tactile_servo.motion.robot import RobotModel
 
 DT = 0.0025
@@ -32,7 +32,7 @@ LIMITS = JointLimits(ROBOT.joint_names, ROBOT.lower, ROBOT.upper, ROBOT.velocity
 
 
 def motion_at(positions, workspace=None):
-    motion = Motion(ROBOT, LIMITS, MotionConfig(), DT, workspace)
+    motion = Motion(ROBOT, LIMITS, DT, workspace)
     motion.seed(np.array(positions, dtype=float))
     return motion
 
@@ -125,7 +125,7 @@ def test_standing_is_when_the_last_window_is_over():
     while motion.velocities.any():
         driven(motion, np.zeros(6), 1)
     assert not motion.standing
-    driven(motion, np.zeros(6), round(MotionConfig.committed / DT) + 1)
+    driven(motion, np.zeros(6), round(COMMITTED / DT) + 1)
     assert motion.standing
 
 
@@ -197,8 +197,8 @@ def test_a_command_that_is_not_sent_in_time_is_forgotten():
     motion, other = motion_at(np.zeros(6)), motion_at(np.zeros(6))
     for one in (motion, other):
         assert one.in_time(driven(one, way, 1).trajectory, 0.9 * SETTLING)
-        assert one.in_time(driven(one, way, 100).trajectory, MotionConfig.committed)
-    assert not motion.in_time(driven(motion, -way, 1).trajectory, 1.01 * MotionConfig.committed)
+        assert one.in_time(driven(one, way, 100).trajectory, COMMITTED)
+    assert not motion.in_time(driven(motion, -way, 1).trajectory, 1.01 * COMMITTED)
     np.testing.assert_array_equal(motion.pose, other.pose)
     other.now_ns += round(DT * 1e9)
     one, same = (driven(each, way, 1).trajectory for each in (motion, other))

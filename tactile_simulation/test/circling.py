@@ -6,6 +6,7 @@ import math
 import numpy as np
 
 from tactile_common.config import bounded
+from tactile_servo.config import STALE_AFTER
 from tactile_servo.control.scaling import clipped, slewed
 from tactile_servo.law import Assessment, LawResult, Reference
 from tactile_servo.laws.surface_goal import SurfaceGoal
@@ -68,7 +69,7 @@ class Circling:
 
     def lacks(self, now):
         """What keeps the law from tracking, or None."""
-        late = now - self._shown > self.servo.input.stale_image
+        late = now - self._shown > STALE_AFTER
         return Reason(ReasonCode.CONTACT_LOST) if late or self._force <= 0.0 else None
 
     def assess(self, now, progress, load):

@@ -7,13 +7,11 @@ import numpy as np
 from puma_loop import GOAL, LIMITS, PUMA, puma_loop, steady, tracked
 import pytest
 
-from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.moments import Moments
-from tactile_servo.config import ForceBounds
 from tactile_servo.motion.limits import WorkspaceBox
+from tactile_servo.phases import Phase
 from tactile_servo.reasons import GoalRefused, ReasonCode
-from tactile_servo.state_machine import Phase
 from tactile_servo.types import EdgeGoal, State
 
 
@@ -171,7 +169,7 @@ def test_pause_and_resume():
 
 def test_a_pause_during_a_search_ends_with_a_reason():
     loop = steady(tracker='trace')
-    loop.servo._machine.phase = Phase.SEARCH  # what a late picture makes of it
+    loop.servo.run.phase = Phase.SEARCH  # what a late picture makes of it
     loop.servo.pause(True, loop.now)
     loop.run(None, 0.3)
     loop.servo.pause(False, loop.now)
@@ -283,11 +281,6 @@ def test_bad_goals_are_refused_by_name_and_bound(goal, text):
 
 def test_second_goal_is_refused_while_one_is_active():
     assert steady().servo.check(GOAL).code == ReasonCode.BUSY
-
-
-def test_configuration_is_checked():
-    with pytest.raises(ConfigurationError, match='force.max'):
-        ForceBounds(max=20.0, max_load=10.0)
 
 
 def test_an_arm_that_starts_at_a_joint_limit_says_so():

@@ -179,13 +179,11 @@ def test_a_hold_after_which_the_edge_is_not_seen_says_so_and_waits_to_be_asked()
     it.check()
 
 
-@pytest.mark.parametrize('lift', [True, False])
-def test_a_hold_that_lasts_lifts_the_pad_off_and_goes_on_from_there(lift):
-    it = Interrupted('trace', State.TRACK, 0, config=ServoConfig(hold=HoldConfig(lift=lift)))
+def test_a_hold_that_lasts_lifts_the_pad_off_and_goes_on_from_there():
+    it = Interrupted('trace', State.TRACK, 0)
     it.sensing(2.0)
     assert it.loop.servo.state == State.HOLD
-    force = it.loop.log[-1].force
-    assert force == 0.0 if lift else force == pytest.approx(GOAL.force, abs=0.1)
+    assert it.loop.log[-1].force == 0.0
     it.loop.run(None, 0.5)
     assert it.loop.servo.pause(False, it.loop.now).code == ReasonCode.RESUMED
     it.loop.run(None, 20.0)
@@ -350,8 +348,8 @@ def test_a_contour_that_does_not_close_ends(monkeypatch):
 @pytest.mark.parametrize('state', [State.APPROACH, State.TRACK, State.RETREAT])
 def test_no_state_lasts_for_ever(state, monkeypatch):
     """A robot whose every wanted motion is held back, by so little that it counts as moving."""
-    monkeypatch.setattr('tactile_servo.state_times.SLACK', 0.1)
-    monkeypatch.setattr('tactile_servo.state_times.LONGEST_TRACK', 1.0)
+    monkeypatch.setattr('tactile_servo.goal_run.SLACK', 0.1)
+    monkeypatch.setattr('tactile_servo.goal_run.LONGEST_TRACK', 1.0)
     loop = puma_loop(tracker='resolved_rate', config=ServoConfig(
         approach=ApproachConfig(distance=0.008), retreat=RetreatConfig(distance=0.003)))
     loop.run(EdgeGoal(0.03, 5.0, length=0.01 if state == State.RETREAT else 0.0), 9.0,

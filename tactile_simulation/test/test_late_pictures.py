@@ -10,12 +10,12 @@ from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.moments import Moments
-from tactile_servo.config import HoldConfig, InputConfig, ServoConfig
+from tactile_servo.config import HoldConfig, MAX_STAMP_AGE, ServoConfig
 from tactile_servo.control.stability import gain_limit
 from tactile_servo.law import Observation
 from tactile_servo.laws import resolved_rate
 from tactile_servo.laws.resolved_rate import ResolvedRate, ResolvedRateConfig
-from tactile_servo.motion.motion import MotionConfig
+from tactile_servo.motion.motion import COMMITTED
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
@@ -64,7 +64,7 @@ def test_gains_are_the_lesser_of_what_is_asked_for_and_what_the_age_allows(age):
     lateral, _, normal, _, _, turn = law.reference(
         np.eye(4), np.eye(4), None, 0.0025).twist
     # A picture is used for a period, a command for one at 400 Hz, and reached after two.
-    delay = age + 0.5 * PICTURE + 0.5 / 400 + MotionConfig.committed + 0.0025
+    delay = age + 0.5 * PICTURE + 0.5 / 400 + COMMITTED + 0.0025
     allowed = scanned_limit(delay, 0.010) / 2.5
     c = ResolvedRateConfig()
     assert lateral / 0.001 == pytest.approx(min(1.0 / c.position.segment_time, allowed), rel=1e-3)
@@ -76,7 +76,7 @@ def test_gains_are_the_lesser_of_what_is_asked_for_and_what_the_age_allows(age):
 
 def test_an_age_that_is_not_known_is_taken_for_the_worst():
     worst, _ = seen_late(np.inf)
-    oldest, _ = seen_late(InputConfig.max_stamp_age)
+    oldest, _ = seen_late(MAX_STAMP_AGE)
     assert worst.shortest == oldest.shortest > seen_late(0.08)[0].shortest
     young, _ = seen_late(0.0, pictures=1)
     assert young.shortest > 0.9 * worst.shortest  # one picture proves little
@@ -104,17 +104,12 @@ def test_late_pictures_do_not_make_it_swing(scene, length, largest):
     assert np.abs(force - 5.0)[-len(force) // 8:].max() <= 0.25
 
 
-def test_pictures_that_are_too_late_are_refused_where_nobody_allows_them():
+def test_pictures_that_are_too_late_are_refused():
     late = ServoConfig(hold=HoldConfig(give_up=0.2))
     loop, most = simulated(latency=0.12, config=late)
     assert not loop.servo.success
     assert loop.servo.reason == (ReasonCode.GAVE_UP, 'tactile image is stale')
     assert most == 0.0
-    loop, most = simulated(latency=0.12, config=replace(
-        late, input=InputConfig(max_stamp_age=0.2)))
-    assert loop.servo.success and most <= 1.5
-    lateral, _ = tracked(loop)
-    assert np.abs(lateral[len(lateral) // 2:]).max() <= 0.2e-3
 
 
 def test_a_loop_that_swings_ends_in_a_refusal(monkeypatch):

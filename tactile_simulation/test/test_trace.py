@@ -9,7 +9,7 @@ from puma_loop import puma_loop, ROOT, steady
 import pytest
 
 from tactile_sensing.types.image import Layer, TactileImage
-from tactile_servo.config import ForceBounds, HoldConfig, ServoConfig
+from tactile_servo.config import HoldConfig, PRESS_DEPTH, ServoConfig
 from tactile_servo.law import Observation
 from tactile_servo.laws.edge_config import AttitudeConfig, EdgeFollowingConfig, SpeedConfig
 from tactile_servo.laws.edge_following import EdgeFollowing
@@ -197,7 +197,7 @@ def test_lost_contact_is_probed_within_the_press_depth_and_given_up():
     changed(loop, np.zeros_like)
     loop.run(None, 6.0)
     deepest = min(cycle.pose[2, 3] for cycle in loop.log[known:])
-    assert depth - deepest < ForceBounds.press_depth + 1e-4
+    assert depth - deepest < PRESS_DEPTH + 1e-4
     assert not loop.servo.success and not loop.servo.active
 
 

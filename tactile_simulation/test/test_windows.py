@@ -7,7 +7,7 @@ from puma_loop import ELBOW, LIMITS, PUMA, puma_loop, tracked
 import pytest
 
 from tactile_servo.config import HoldConfig, ServoConfig
-from tactile_servo.motion.motion import Motion, MotionConfig, SETTLING
+from tactile_servo.motion.motion import Motion, SETTLING
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal
 from tactile_simulation.closed_loop import TRANSPORT
@@ -24,7 +24,7 @@ def play(cycles, *, period_ns, joined, offset=None, expected=lambda _: 0.0):
     Each has the time since the one before and that of the window under way [ns], and a twist;
     `expected` of its number is the lateness that is expected then [s].
     """
-    motion = Motion(PUMA, LIMITS, MotionConfig(), 1e-9 * CYCLE)
+    motion = Motion(PUMA, LIMITS, 1e-9 * CYCLE)
     motion.seed(ELBOW)
     start = ELBOW if offset is None else ELBOW + offset
     controller = MockController(

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from tactile_sensing.types.image import SensorInfo
-from tactile_servo.config import ServoConfig
+from tactile_servo.config import PRESS_DEPTH, ServoConfig, STALE_AFTER
 from tactile_servo.control.lap_guard import LapGuard
 from tactile_servo.control.press_test import PRESSED
 from tactile_servo.edge_map.path_queries import to_sensor
@@ -31,7 +31,7 @@ from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
 ADVANCE = 0.5  # grains, advance that counts as progress
-# Times `stale_image`, time without a usable image; longer than the supervisor's own timeout, which
+# Times `STALE_AFTER`, time without a usable image; longer than the supervisor's own timeout, which
 # handles missing images
 STALE = 1.5
 
@@ -80,7 +80,7 @@ class EdgeFollowing:
         """Return to following, with the edge visible."""
         self._mode: Mode = Following()
         self._searching = Searching()
-        self._reaching = ReachingDown(self.servo.force.press_depth)
+        self._reaching = ReachingDown(PRESS_DEPTH)
 
     def retune(self, config: EdgeFollowingConfig) -> None:
         """Use new gains from now on."""
@@ -136,7 +136,7 @@ class EdgeFollowing:
 
     def lacks(self, now: float) -> Reason | None:
         """Return what prevents the law from tracking, or None."""
-        if now - self.sight.shown < self.servo.input.stale_image:
+        if now - self.sight.shown < STALE_AFTER:
             return None
         return self.sight.problem or Reason(ReasonCode.EDGE_LOST)
 
@@ -150,7 +150,7 @@ class EdgeFollowing:
         path, scale = edge.path, edge.scale
         if self._stalled(now, progress):
             return Assessment(State.DONE, Reason(ReasonCode.NO_PROGRESS), lift=True)
-        if now - self.sight.looked > STALE * self.servo.input.stale_image:
+        if now - self.sight.looked > STALE * STALE_AFTER:
             return Assessment(State.HOLD, Reason(ReasonCode.STALE_IMAGE))
         if edge.closed and path.closing is not None and going.here >= path.closing:
             return Assessment(State.DONE, Reason(ReasonCode.CONTOUR_CLOSED), True)

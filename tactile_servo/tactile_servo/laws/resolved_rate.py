@@ -10,7 +10,7 @@ from tactile_common.config import bounded
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType
 from tactile_sensing.types.image import SensorInfo
-from tactile_servo.config import ServoConfig
+from tactile_servo.config import MAX_STAMP_AGE, ServoConfig, STALE_AFTER
 from tactile_servo.control.lap_guard import LapGuard
 from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.scaling import clipped, ramp, slewed
@@ -19,6 +19,7 @@ from tactile_servo.law import Assessment, LawResult, Observation, Reference, Ref
 from tactile_servo.laws.edge_features import edge_features, EdgeFeatures
 from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, within_goal
 from tactile_servo.motion.agility import Agility
+from tactile_servo.motion.motion import COMMITTED
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
@@ -140,7 +141,7 @@ class ResolvedRate:
         self.servo, self.config = servo, config or ResolvedRateConfig()
         self.features, self._begun = UNKNOWN, False
         self.error: TaskError | None = None
-        self._age, self.shortest, self._looked = servo.input.max_stamp_age, math.inf, -math.inf
+        self._age, self.shortest, self._looked = MAX_STAMP_AGE, math.inf, -math.inf
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
         self._twist, self._slowed = np.zeros(6), 0.0
         self._press = PressCheck()
@@ -175,12 +176,12 @@ class ResolvedRate:
         """Process a contact."""
         if observation.contact is None:
             return
-        limits, arrival = self.servo.input, observation.arrival
+        arrival = observation.arrival
         # A contact is used until the next one: add half of this interval to its age, on average.
-        age = observation.age + 0.5 * clipped(arrival - self._looked, 0.0, limits.stale_image)
-        self._age += AGE_SHARE * (min(age, limits.max_stamp_age) - self._age)
+        age = observation.age + 0.5 * clipped(arrival - self._looked, 0.0, STALE_AFTER)
+        self._age += AGE_SHARE * (min(age, MAX_STAMP_AGE) - self._age)
         # Add the committed time and half a control period, in which the velocity changes.
-        delay = self._age + self.servo.motion.committed + 0.5 / self.servo.rate + DEAD_TIME
+        delay = self._age + COMMITTED + 0.5 / self.servo.rate + DEAD_TIME
         self.shortest = 1.0 / (LIMIT_SHARE * gain_limit(delay, LAG))
         self._looked = arrival
         if not self._begun:
@@ -229,7 +230,7 @@ class ResolvedRate:
 
     def lacks(self, now: float) -> Reason | None:
         """Return what prevents the law from tracking, or None."""
-        if now - self._shown < self.servo.input.stale_image:
+        if now - self._shown < STALE_AFTER:
             return None
         return Reason(ReasonCode.EDGE_LOST, self._problem)
 

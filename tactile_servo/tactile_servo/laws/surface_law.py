@@ -8,7 +8,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.dome.geometry import Dome
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import SensorInfo, TactileImage
-from tactile_servo.config import ServoConfig
+from tactile_servo.config import MAX_STAMP_AGE, ServoConfig, STALE_AFTER
 from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.stability import AGE_SHARE
 from tactile_servo.control.surface_filter import SurfaceFilter
@@ -67,7 +67,7 @@ class SurfaceLaw:
         self.error: TaskError | None = None
         self._going, self._record = Going(), Record(self.config.probe)
         self._motion = SurfaceMotion(
-            self.config, self._dome, self._surface, math.inf, servo.input.max_stamp_age)
+            self.config, self._dome, self._surface, math.inf, MAX_STAMP_AGE)
 
     def retune(self, config: SurfaceConfig) -> None:
         """Use new gains from now on."""
@@ -124,7 +124,7 @@ class SurfaceLaw:
             going.problem = felt
             return
         self._motion.age += AGE_SHARE * (
-            min(observation.age, self.servo.input.max_stamp_age) - self._motion.age)
+            min(observation.age, MAX_STAMP_AGE) - self._motion.age)
         going.felt, going.shown, going.problem = felt, observation.arrival, None
         off = felt.place - going.aim.place
         self.error = TaskError(float(off[0]), float(off[1]), force=felt.force)
@@ -153,7 +153,7 @@ class SurfaceLaw:
 
     def lacks(self, now: float) -> Reason | None:
         """Return what prevents the law from tracking, or None."""
-        if now - self._going.shown < self.servo.input.stale_image:
+        if now - self._going.shown < STALE_AFTER:
             return None
         return self._going.problem or Reason(ReasonCode.CONTACT_LOST)
 

@@ -1,12 +1,10 @@
 """Joint commands within all limits for a wanted twist of the sensor."""
 
-from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from tactile_common.config import bounded
 from tactile_servo.motion.agility import Pace
 from tactile_servo.motion.delay import PROBE, WindowDelay
 from tactile_servo.motion.inverse import (
@@ -36,6 +34,9 @@ from tactile_servo.motion.window import (
 
 UNDAMPED = 1e-6  # damping without effect [m/rad]
 STILL = 1e-12  # least joint rate in divisions, per unit of a path
+# Time that a new window leaves to the previous one [s]: a period of a controller at 500 Hz and the
+# way to it, so that it does not matter when the controller takes the window.
+COMMITTED = 0.004
 COAST = 8.0  # control periods for which a window continues before it brakes
 SETTLING = 0.1  # least time for the controller to reach the start of a motion [s]
 LONGEST_COMMITTED = 0.01  # largest committed time [s]; with more, fast turns are less accurate
@@ -43,16 +44,6 @@ PLANNED = 0.8  # share of a joint's velocity limit that a path may use: correcti
 BOX_EXCESS = 5e-4  # distance by which braking in a curve may lead further out of the box [m]
 HELD_BACK = 0.05  # share of the wanted motion; with less realised, motion is prevented
 BLOCKED_AFTER = 1.0  # time of prevented motion after which it counts as blocked [s]
-
-
-@dataclass(frozen=True)
-class MotionConfig:
-    """Configuration of the conversion from twists to joint velocities."""
-
-    committed: float = bounded(
-        0.004, 'a command no longer changes what the robot does for this long; with a period of '
-        'its controller and the way to it within, it does not matter when the controller takes '
-        'the next one', 's', 5e-4, 0.1)
 
 
 class MotionStep(NamedTuple):
@@ -91,11 +82,11 @@ class Motion:
         Delay of the windows.
     """
 
-    def __init__(self, robot: RobotModel, limits: JointLimits, config: MotionConfig,
-                 period: float, workspace: WorkspaceBox | None = None):
+    def __init__(self, robot: RobotModel, limits: JointLimits, period: float,
+                 workspace: WorkspaceBox | None = None):
         self._robot, self._limits, self._workspace = robot, limits, workspace
-        self._config, self._period = config, period
-        self._ahead = config.committed  # time that a new window leaves to the previous one [s]
+        self._period = period
+        self._ahead = COMMITTED  # or longer, see `expect_lateness`
         self._inverse = BoundedInverse(limits)
         unknown = np.full(len(limits.names), np.nan)
         self._now = Commanded(at_rest(unknown, 0.0), Joints(unknown, unknown),
@@ -206,8 +197,7 @@ class Motion:
         time may change between commands, because every window begins with the remaining part of
         the previous one.
         """
-        least = self._config.committed
-        self._ahead = max(least, min(lateness, LONGEST_COMMITTED), self.delay.needed)
+        self._ahead = max(COMMITTED, min(lateness, LONGEST_COMMITTED), self.delay.needed)
 
     def command(self, twist: np.ndarray, now_ns: int, stamped: bool = True) -> MotionStep:
         """

@@ -1,0 +1,79 @@
+"""The table of rules: what must hold of all ways through the phases of a goal."""
+
+from itertools import product
+
+import pytest
+
+from tactile_servo.goal_run import GoalRun, RULES
+from tactile_servo.phases import HELD, LIFTING, MOVING, Phase, STANDING, TRACKING
+from tactile_servo.types import State
+
+# What the functions choose from that some rules name in place of a phase.
+CHOICES = {
+    GoalRun._begin_hold: {Phase.SETTLING}, GoalRun._hold_unloaded: {Phase.SETTLING},
+    GoalRun._end: {Phase.RETREAT, Phase.STOPPING}, GoalRun._lift: {Phase.RETREAT, Phase.STOPPING},
+    GoalRun._resume: {Phase.APPROACH, Phase.TRACK, Phase.RETREAT}}
+ACTIVE = [phase for phase in Phase if phase is not Phase.DONE]
+
+
+def after(phase, following):
+    """Phases to which a rule may lead."""
+    if isinstance(following, Phase):
+        return {following}
+    if following is GoalRun._go_on_holding:
+        return {phase if phase in STANDING else Phase.SETTLING}
+    return CHOICES.get(following, {phase})
+
+
+WAYS = [(phase, guard, following, next_phase) for phases, guard, following in RULES
+        for phase in phases for next_phase in after(phase, following)]
+
+
+@pytest.mark.parametrize('phase', ACTIVE)
+def test_every_phase_is_reached_and_ends(phase):
+    def ways(start):
+        found, last = {start}, None
+        while found != last:
+            last = set(found)
+            found |= {there for here, _, _, there in WAYS if here in last}
+        return found
+    assert phase in ways(Phase.APPROACH) and Phase.DONE in ways(phase)
+
+
+def test_every_state_of_the_messages_is_that_of_a_phase_or_idle():
+    assert {phase.state for phase in Phase} == set(State) - {State.IDLE}
+    assert {phase for phase in Phase if phase.state is State.HOLD} == HELD | {Phase.STOPPING}
+
+
+@pytest.mark.parametrize('phase', MOVING | HELD)
+def test_whatever_goes_on_is_held_for_a_reason_to_stand_still(phase):
+    (ways,) = [{there for here, found, _, there in WAYS if here is phase and found is guard}
+               for phases, guard, following in RULES
+               if following in (GoalRun._begin_hold, GoalRun._go_on_holding)
+               and phase in phases and guard.__code__.co_names == ('_why',)]
+    assert ways == {Phase.SETTLING if phase in MOVING | LIFTING else phase, *ways & {phase}}
+
+
+def test_only_rest_ends_a_goal():
+    assert {(here, guard) for here, guard, _, there in WAYS if there is Phase.DONE} == {
+        (Phase.STOPPING, GoalRun._played_out), (Phase.RETREAT, GoalRun._lifted)}
+
+
+def test_the_law_has_the_word_only_while_tracking():
+    assert {here for here, _, _, there in WAYS if there in TRACKING - {Phase.TRACK}} == TRACKING
+
+
+def test_a_robot_that_must_be_asked_is_not_moved_by_a_rule_without_it():
+    for here, guard, following, there in WAYS:
+        if here is Phase.ASKED and there in MOVING | LIFTING and following is not GoalRun._end:
+            assert (guard, following) == (GoalRun._asked, GoalRun._resume)
+
+
+@pytest.mark.parametrize('end, phase', product((GoalRun._end, GoalRun._lift),
+                                               HELD - {Phase.WAITING}))
+def test_an_end_does_not_move_a_robot_that_must_be_asked(end, phase):
+    """Nor one that is not at rest: it stops."""
+    run = object.__new__(GoalRun)
+    run.phase, run._why, run._found = phase, None, None
+    run.goal = type('', (), {'retreat': True})
+    assert end(run, None) is Phase.STOPPING
