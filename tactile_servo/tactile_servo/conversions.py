@@ -47,8 +47,8 @@ def trajectory_to_bytes(trajectory: Trajectory) -> bytes:
     This is faster than the serialization of a message object: `benchmarks/latency/shortcuts.py`.
     """
     names, times = trajectory.joint_names, trajectory.times.tolist()
-    fields = [getattr(trajectory, name) for name in _FIELDS]
-    given = [None if values is None else values.tolist() for values in fields]
+    given = [None if (rows := getattr(trajectory, name)) is None else rows.tolist()
+             for name in _FIELDS]
     struct, head = _layout(tuple(names), len(times), tuple(rows is not None for rows in given))
     values = [*divmod(trajectory.stamp_ns, NS), *head]
     for k, time in enumerate(times):
@@ -85,22 +85,18 @@ def trajectory_from_msg(message: JointTrajectory) -> Trajectory:
     are given, or only some points have a field (a joint_trajectory_controller accepts this, but
     it is certainly a mistake).
     """
-    names = tuple(message.joint_names)
-    for k, point in enumerate(message.points):
-        for name in _FIELDS:
-            count = len(getattr(point, name))
-            if count != len(names) and (count or name == 'positions'):
-                raise Rejected(f'point {k} has {count} {name} for {len(names)} joints')
-        if len(point.effort):
-            raise Rejected(f'point {k} has effort, which a position controller does not take')
+    names, points = tuple(message.joint_names), message.points
     values: dict[str, Any] = {}
     for name in _FIELDS:
-        rows = [getattr(point, name) for point in message.points]
-        given = [len(row) > 0 for row in rows]
-        if any(given) and not all(given):
-            raise Rejected(f'point {given.index(False)} has no {name}, but others have')
+        rows = [getattr(point, name) for point in points]
+        given = any(len(row) for row in rows) or name == 'positions'
+        for k, row in enumerate(rows if given else ()):
+            if len(row) != len(names):
+                raise Rejected(f'point {k} has {len(row)} {name} for {len(names)} joints')
         values[name] = np.array(rows, dtype=float).reshape(len(rows), len(names)) if (
-            all(given) or name == 'positions') else None
+            given) else None
+    if any(len(point.effort) for point in points):
+        raise Rejected('a point has effort, which a position controller does not take')
     return Trajectory(
         names,
         np.array([stamp_to_seconds(point.time_from_start) for point in message.points]),
@@ -139,12 +135,10 @@ def edge_goal_from_msg(message: TrackEdge.Goal) -> EdgeGoal:
 
 def edge_result_to_msg(servo: Supervisor, duration: float, base_frame: str) -> TrackEdge.Result:
     """Create the TrackEdge result of a servo whose goal has ended after `duration` [s]."""
-    track, reason = servo.statistics, servo.reason
+    track = servo.statistics
     message = TrackEdge.Result(
-        success=servo.success, reason_code=int(reason.code), reason=reason.text,
-        tracked_length=track.tracked_length, duration=duration, lateral_rms=track.lateral_rms,
-        lateral_max=track.lateral_max, force_rms_error=track.force_rms_error,
-        force_max=track.force_max, closed=servo.result().closed)
+        tracked_length=track.tracked_length, lateral_rms=track.lateral_rms,
+        lateral_max=track.lateral_max, closed=servo.result().closed, **_outcome(servo, duration))
     for stamp_ns, pose in servo.contour():
         stamped = PoseStamped(pose=pose_to_msg(pose))
         stamped.header.stamp, stamped.header.frame_id = stamp_from_ns(stamp_ns), base_frame
@@ -152,12 +146,24 @@ def edge_result_to_msg(servo: Supervisor, duration: float, base_frame: str) -> T
     return message
 
 
+def _outcome(servo: Supervisor, duration: float) -> dict[str, Any]:
+    """Return the fields that the results of all actions have."""
+    return {'success': servo.success, 'reason_code': int(servo.reason.code),
+            'reason': servo.reason.text, 'duration': duration,
+            'force_rms_error': servo.statistics.force_rms_error,
+            'force_max': servo.statistics.force_max}
+
+
 def edge_feedback_to_msg(status: ServoStatus) -> TrackEdge.Feedback:
     """Convert a ServoStatus message to TrackEdge feedback."""
     return TrackEdge.Feedback(
-        state=status.state, reason_code=status.reason_code, reason=status.reason,
-        progress=status.progress, lateral_error=status.lateral_error,
-        angle_error=status.angle_error, normal_force=status.normal_force)
+        lateral_error=status.lateral_error, angle_error=status.angle_error, **_progress(status))
+
+
+def _progress(status: ServoStatus) -> dict[str, Any]:
+    """Return the fields that the feedback of all actions has."""
+    return {name: getattr(status, name) for name in (
+        'state', 'reason_code', 'reason', 'progress', 'normal_force')}
 
 
 def surface_goal_from_msg(message: TrackSurface.Goal) -> SurfaceGoal:
@@ -175,13 +181,11 @@ def surface_goal_from_msg(message: TrackSurface.Goal) -> SurfaceGoal:
 def surface_result_to_msg(servo: Supervisor, duration: float,
                           base_frame: str) -> TrackSurface.Result:
     """Create the TrackSurface result of a servo whose goal has ended after `duration` [s]."""
-    track, reason, felt = servo.statistics, servo.reason, servo.result()
+    felt = servo.result()
     assert isinstance(felt, SurfaceResult)
     message = TrackSurface.Result(
-        success=servo.success, reason_code=int(reason.code), reason=reason.text,
-        tracked_length=track.length, duration=duration, contact_kept=felt.contact_kept,
-        centre_rms=felt.centre_rms, force_rms_error=track.force_rms_error,
-        force_max=track.force_max)
+        tracked_length=servo.statistics.length, contact_kept=felt.contact_kept,
+        centre_rms=felt.centre_rms, **_outcome(servo, duration))
     if felt.contour is not None and felt.normals is not None:
         message.contacts = [touch_to_msg(Touch(0, point, inward), base_frame)
                             for point, inward in zip(felt.contour, felt.normals, strict=True)]
@@ -213,9 +217,8 @@ def _facing(point: np.ndarray, axis: np.ndarray) -> np.ndarray:
 def surface_feedback_to_msg(status: ServoStatus) -> TrackSurface.Feedback:
     """Convert a ServoStatus message to TrackSurface feedback."""
     return TrackSurface.Feedback(
-        state=status.state, reason_code=status.reason_code, reason=status.reason,
-        progress=status.progress, normal_force=status.normal_force,
-        contact_error=Point(x=status.lateral_error, y=status.longitudinal_error))
+        contact_error=Point(x=status.lateral_error, y=status.longitudinal_error),
+        **_progress(status))
 
 
 class Action(NamedTuple):

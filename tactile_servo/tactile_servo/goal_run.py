@@ -5,18 +5,19 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tactile_servo.clocks import CycleClock
 from tactile_servo.config import PRESS_DEPTH, ServoConfig, STALE_AFTER
 from tactile_servo.control.press_check import doubted, most_unfelt
-from tactile_servo.cycle_clock import CycleClock
 from tactile_servo.following import apart, Following
-from tactile_servo.hold import BINDING, Hold
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Assessment, Goal, Reference, ServoLaw
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.normal_way import approach_speed, NormalWay
 from tactile_servo.phases import (
     APPROACHING,
+    BINDING,
     HELD,
+    Hold,
     LIFTING,
     MOVING,
     Phase,

@@ -54,8 +54,7 @@ class Inputs:
         self.contact: Sample | None = None
         self.sensor: SensorInfo | None = None
         self.pose = np.full((4, 4), np.nan)  # measured, of the sensor
-        # Why the newest image or contact was refused; None if it was not.
-        self.refused: Reason | None = None
+        self.refused: Reason | None = None  # why the newest image or contact was, if it was
         # Freshness at the last `refresh`; `saturated`: whether the newest contact is.
         self.contact_fresh = self.joints_fresh = self.saturated = self._wrist_missing = False
         self._tared = True
@@ -139,11 +138,9 @@ class Inputs:
         """
         Return the factor of the speed, 0 to 1, for the age of the joint state.
 
-        With `touch`, the age of the contact counts too. The factor is 1 up to `AGEING` times the
-        allowed age, and decreases to 0 at the allowed age.
+        With `touch`, the age of the contact counts too.
         """
-        share = _trust(self.joints, now)
-        return min(share, _trust(self.contact, now)) if touch else share
+        return min(_trust(it, now) for it in (self.joints, self.contact)[:1 + touch])
 
     def joints_missing(self) -> Reason | None:
         """Return what is wrong with the joint states, or None."""

@@ -92,7 +92,7 @@ class JournaledSupervisor(Supervisor):
             self.journal.add(Call.DELAY, text=json.dumps(self._delay))
 
     def see_sensor(self, sensor: SensorInfo) -> None:
-        """Record the call and do what the supervisor does; the methods below do the same."""
+        """Record the call, and pass it on; so do the methods below."""
         self.journal.add(Call.SENSOR, 0.0, sensor.stamp_ns)
         super().see_sensor(sensor)
 

@@ -14,12 +14,11 @@ from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
+from tactile_servo.clocks import ClockCheck, CycleClock, STALL
 from tactile_servo.config import check_goal, ServoConfig
-from tactile_servo.cycle_clock import CycleClock, STALL
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw, Teachable
-from tactile_servo.motion.clock import ClockCheck
 from tactile_servo.motion.delay import LATEST
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionStep
@@ -232,16 +231,13 @@ class Supervisor:
         if self.run is None or not self.active or (dt == 0.0 and self._clock.fault is None):
             return self._status(self.run), None
         self._end_without_client(self.run)
-        self.run.decide(now, dt, self._clock, self.around or self._late())
+        late = Reason(
+            ReasonCode.NOT_FOLLOWING, f'commands come more than {1e3 * LATEST:.0f} ms late'
+        ) if self.motion.delay.overdue > LATEST else None
+        self.run.decide(now, dt, self._clock, self.around or late)
         self.motion.expect_lateness(self._robot_clock.lateness)
         step = self.run.command(now, now_ns, dt, self._robot_clock.agrees)
         return self._status(self.run, step), None if step is None else step.trajectory
-
-    def _late(self) -> Reason | None:
-        overdue = self.motion.delay.overdue
-        return Reason(ReasonCode.NOT_FOLLOWING,
-                      f'commands come more than {1e3 * LATEST:.0f} ms late'
-                      ) if overdue > LATEST else None
 
     def _status(self, run: GoalRun | None, step: MotionStep | None = None) -> Status:
         inputs = self.inputs

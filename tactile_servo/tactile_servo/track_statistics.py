@@ -37,9 +37,8 @@ class TrackStatistics:
         position = pose[:3, 3].tolist()
         if self._last_position is not None:
             # Only along the edge: motion across it is correction.
-            (x, y, z), (last_x, last_y, last_z), (ux, uy, uz) = (
-                position, self._last_position, heading)
-            self.length += (x - last_x) * ux + (y - last_y) * uy + (z - last_z) * uz
+            self.length += sum((new - last) * along for new, last, along in zip(
+                position, self._last_position, heading, strict=True))
         self._last_position, self._on_edge = position, on_edge
         if on_edge:
             self.tracked_length = self.length
@@ -95,12 +94,10 @@ def along_contour(nodes: np.ndarray, poses: list) -> list[tuple[int, np.ndarray]
     """
     if not poses:
         return []
-    places = np.array([pose[:3, 3] for _, pose in poses])
-    nearest = [((places - node)**2).sum(axis=1).argmin() for node in nodes]
-    result = []
-    for node, index in zip(nodes, nearest, strict=True):
-        stamp, pose = poses[index]
+    places, contour = np.array([pose[:3, 3] for _, pose in poses]), []
+    for node in nodes:
+        stamp, pose = poses[((places - node)**2).sum(axis=1).argmin()]
         moved = pose.copy()
         moved[:3, 3] = node
-        result.append((stamp, moved))
-    return result
+        contour.append((stamp, moved))
+    return contour

@@ -101,18 +101,6 @@ def _pushed(jacobian, twist, positions, limits):
     return wanted + push - np.linalg.pinv(weighted) @ weighted @ push
 
 
-def test_a_seventh_joint_takes_over_for_one_at_its_limit():
-    rng, limits = np.random.default_rng(4), quick(7)
-    jacobian = rng.normal(size=(6, 7)) / WEIGHT[:, None]
-    twist = 0.01 * rng.normal(size=6)
-    wanted, _ = damped_least_squares(jacobian, twist)
-    positions = np.zeros(7)
-    positions[2] = 2.0 * np.sign(wanted[2])
-    velocities, _, _ = solve(limits, jacobian, twist, positions)
-    error = WEIGHT * (jacobian @ velocities - twist)
-    assert np.linalg.norm(error) < 1e-3 * np.linalg.norm(WEIGHT * twist)
-
-
 def test_away_from_limits_a_redundant_arm_is_not_pushed():
     jacobian, twist = np.random.default_rng(5).normal(size=(6, 7)), np.ones(6) * 0.01
     velocities, limited_by, _ = solve(quick(7), jacobian, twist, np.zeros(7))

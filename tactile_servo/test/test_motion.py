@@ -154,12 +154,6 @@ def test_a_singular_direction_is_named():
     assert motion.blocked == 'singularity'
 
 
-def test_no_wish_is_not_blocked():
-    motion = motion_at([2.0, 2.0, 2.0, 2.0, 2.0, 2.0])
-    driven(motion, np.zeros(6), 2 * SECOND)
-    assert motion.blocked == '' and motion.standing
-
-
 def test_a_new_start_forgets_what_was_held_back():
     motion = motion_at([2.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     driven(motion, [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], SECOND)

@@ -23,13 +23,6 @@ class WindowDelay:
     played, its delay is known; the longest delay is kept for all later windows, because equal
     windows do not show theirs. The first motion of a goal is not faster than `PROBE` until the
     controller plays one of its windows.
-
-    Attributes
-    ----------
-    overdue : float
-        Time for which the oldest window that is not yet played has been on its way [s].
-    longest : float
-        Largest delay of a window that was played in this goal [s].
     """
 
     def __init__(self) -> None:
@@ -38,7 +31,7 @@ class WindowDelay:
 
     def forget(self) -> None:
         """Begin a goal, with unknown delay."""
-        self.longest, self._proved = 0.0, False
+        self.longest, self._proved = 0.0, False  # largest delay of a window that was played [s]
         self.begin()
 
     def begin(self) -> None:
@@ -46,6 +39,7 @@ class WindowDelay:
         self._sent: deque[Trajectory] = deque(maxlen=KEPT)
         self._rest: np.ndarray | None = None
         self._moved_ns: int | None = None
+        # Time for which the oldest window that is not yet played has been on its way [s].
         self.overdue, self.probing = 0.0, self._heard and not self._proved
 
     def send(self, window: Trajectory) -> None:

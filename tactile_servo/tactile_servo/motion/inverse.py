@@ -3,21 +3,9 @@ Joint velocities for a twist of the sensor, and the nearest ones within the join
 
 `BoundedInverse` minimises ``(q - a - z)^T H (q - a - z)`` over joint velocities q within the
 limits (`JointLimits.reach`). Here `a` is the damped least-squares solution of the twist, and z
-moves a redundant arm away from its limits, in its null space. With the weighted Jacobian
-``G = W J``, its singular values s, right singular vectors v and the damping d,
-
-    H = sum of max(s^2, d^2) v v^T + (TAKE_OVER d)^2 (I - sum of v v^T)
-
-Away from singularities the cost is therefore the squared weighted error of the twist. For arms
-without redundancy the turn about the sensor's normal, which hardly changes an image, has the
-weight YIELDING in H. If a + z is within the bounds, it is the solution: the gradient is zero.
-
-Otherwise up to three quadratic programs follow, for the limits of position, velocity and
-acceleration. Each starts from the last result w and is solved if w violates its bounds. At a
-position limit the other joints take over. At a velocity limit the motion becomes slower, at an
-acceleration limit it takes longer: errors along ``y = w`` or ``y = w - p`` (p: the present
-velocities) have the weight EASED. This is a scaled task, ``q = w - y + share y``, with its share
-eliminated, so that a motion starts, turns and stops on its path.
+moves a redundant arm away from its limits, in its null space. If a + z is within the bounds, it is
+the solution. Otherwise up to three quadratic programs follow, one for each kind of limit; see
+docs/motion.md.
 """
 
 import math
@@ -47,13 +35,9 @@ def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: fl
     Return joint velocities for a twist, exact away from singularities and bounded near them.
 
     With ``W = diag(1, 1, 1, l, l, l)`` (l = `rotation_length`) and the singular values s of
-    ``W J``, this is ``dq = (W J)^T U diag(1 / max(s^2, damping^2)) U^T W twist``. It is the
-    damping factor ``lambda^2 = damping^2 (1 - (s / damping)^2)`` of Chiaverini, Siciliano and
-    Egeland (IEEE T-CST 2(2), 1994), with the size of the singular region equal to the damping,
-    applied to each singular direction separately (their numerical filtering). Therefore
-    directions with ``s >= damping`` have no velocity error, and always
-    ``|dq| <= |W twist| / damping``. With a small `rotation_length`, errors of orientation come
-    before errors of position.
+    ``W J``, this is ``dq = (W J)^T U diag(1 / max(s^2, damping^2)) U^T W twist``: the numerical
+    filtering of Chiaverini, Siciliano and Egeland (IEEE T-CST 2(2), 1994), for each singular
+    direction. Always ``|dq| <= |W twist| / damping``.
 
     Parameters
     ----------
@@ -146,7 +130,6 @@ class BoundedInverse:
         return np.minimum(PUSH * way, PUSH_SPEED * limits.velocity) * (low - high)
 
 
-@njit(cache=True)
 def agility(jacobian: np.ndarray, acceleration: np.ndarray) -> float:
     """
     Return the acceleration of the sensor that is possible in any direction across its normal.
@@ -155,13 +138,8 @@ def agility(jacobian: np.ndarray, acceleration: np.ndarray) -> float:
     normal, so that no joint exceeds its acceleration (n,) [rad/s^2]. It is infinite if the
     Jacobian (6, n) is not finite.
     """
-    none, most, ways = np.zeros(jacobian.shape[1]), np.inf, np.eye(6)
-    x, _ = _least_squares(jacobian, ways[0], none, DAMPING, ROTATION_LENGTH)
-    y, _ = _least_squares(jacobian, ways[1], none, DAMPING, ROTATION_LENGTH)
-    for k in range(len(x)):
-        if math.isfinite(x[k]):
-            most = min(most, acceleration[k] / max(math.hypot(x[k], y[k]), 1e-12))
-    return most
+    x, y = (damped_least_squares(jacobian, way)[0] for way in np.eye(6)[:2])
+    return float(np.fmin.reduce(acceleration / np.maximum(np.hypot(x, y), 1e-12), initial=np.inf))
 
 
 @njit(cache=True)
@@ -201,7 +179,12 @@ def _eased(matrix: np.ndarray, way: np.ndarray) -> np.ndarray:
 
 
 def hessian(jacobian: np.ndarray) -> np.ndarray:
-    """Return the matrix H (n, n)."""
+    """
+    Return the matrix H (n, n) = sum of max(s^2, d^2) v v^T + (TAKE_OVER d)^2 (I - sum of v v^T).
+
+    Here s are the singular values of the weighted Jacobian, v its right singular vectors and d the
+    damping: away from singularities the cost is the squared weighted error of the twist.
+    """
     weighted = jacobian.copy()
     weighted[3:] *= ROTATION_LENGTH
     if weighted.shape[1] <= 6:  # no redundancy

@@ -14,7 +14,7 @@ SILENCE = 0.5  # s
 STORED = 256  # joint states for the interpolation at an image's stamp
 MAX_AHEAD_NS = 20_000_000  # ns by which an image may be newer than the newest joint state
 
-Stamped = tuple[int, list[float]]  # joint positions and their stamp [ns]
+Stamped = tuple[int, np.ndarray]  # joint positions and their stamp [ns]
 
 
 class JointHistory:
@@ -22,13 +22,9 @@ class JointHistory:
 
     def __init__(self, limits: JointLimits):
         self._limits = limits
-        self._believed = list(zip(
-            (limits.lower - BEYOND_LIMITS).tolist(), (limits.upper + BEYOND_LIMITS).tolist(),
-            strict=True))
         self._states: StateBuffer[np.ndarray] = StateBuffer(
             lambda one, other, share: one + share * (other - one), size=STORED,
             max_ahead_ns=MAX_AHEAD_NS)
-        self._fastest = (2.0 * limits.velocity).tolist()
         self._last: Stamped | None = None
         self._doubted: Stamped | None = None
 
@@ -39,43 +35,32 @@ class JointHistory:
         Raises a ValueError and does not use the state if its length is wrong, if a position is
         not finite or far beyond the joint's limits, or if it is the first state after a leap.
         """
-        positions = np.asarray(positions, dtype=float)
-        if positions.shape != self._limits.lower.shape or not all(
-                low <= angle <= high for (low, high), angle in zip(
-                    self._believed, positions.tolist(), strict=True)):
-            raise ValueError(self._why_not(positions))
-        state = stamp_ns, positions.tolist()
-        joint = self._leaping(self._last, state)
-        if joint is not None and (
-                self._doubted is None or self._leaping(self._doubted, state) is not None):
+        positions, limits = np.asarray(positions, dtype=float), self._limits
+        if positions.shape != limits.lower.shape or not np.isfinite(positions).all():
+            raise ValueError(f'joint state {positions} is not {len(limits.names)} angles')
+        beyond = np.maximum(limits.lower - positions, positions - limits.upper)
+        if beyond.max() > BEYOND_LIMITS:
+            joint = int(beyond.argmax())
+            raise ValueError(
+                f'joint state has {limits.names[joint]} at {positions[joint]:g}, which is '
+                f'{beyond[joint]:g} beyond its limits')
+        state = stamp_ns, positions
+        leaping = self._leaping(self._last, state)
+        if leaping.any() and (
+                self._doubted is None or self._leaping(self._doubted, state).any()):
             self._doubted = state
-            raise ValueError(f'joint state has {joint} leap within one state')
+            raise ValueError(
+                f'joint state has {limits.names[leaping.argmax()]} leap within one state')
         self._last, self._doubted = state, None
         self._states.add(stamp_ns, positions)
         return positions
 
-    def _leaping(self, before: Stamped | None, state: Stamped) -> str | None:
-        """Return the first joint that leaps between two states (stamp, angles), or None."""
-        if before is None:
-            return None
-        span = 1e-9 * abs(state[0] - before[0])
-        if span > SILENCE:
-            return None
-        for name, fastest, one, other in zip(
-                self._limits.names, self._fastest, before[1], state[1], strict=True):
-            if abs(other - one) > LEAP + fastest * span:
-                return name
-        return None
-
-    def _why_not(self, positions: np.ndarray) -> str:
-        """Return why a joint state is not plausible."""
-        limits = self._limits
-        if positions.shape != limits.lower.shape or not np.isfinite(positions).all():
-            return f'joint state {positions} is not {len(limits.names)} angles'
-        beyond = np.maximum(limits.lower - positions, positions - limits.upper)
-        joint = int(np.argmax(beyond))
-        return (f'joint state has {limits.names[joint]} at {positions[joint]:g}, which is '
-                f'{beyond[joint]:g} beyond its limits')
+    def _leaping(self, before: Stamped | None, state: Stamped) -> np.ndarray:
+        """Return which joints (n,) leap between two states."""
+        span = np.inf if before is None else 1e-9 * abs(state[0] - before[0])
+        if before is None or span > SILENCE:
+            return np.zeros(len(state[1]), bool)
+        return np.abs(state[1] - before[1]) > LEAP + 2.0 * span * self._limits.velocity
 
     def at(self, stamp_ns: int) -> np.ndarray | None:
         """Return the joint positions (n,) at a stamp [ns], or None if they are unknown."""

@@ -85,7 +85,7 @@ class JointLimits:
         velocity damper (Faverjon and Tournassoud, 1987): at
         distance / (dt + coast + stopping_time) the joints can always stop together in time.
         """
-        return Reach(*_reach(self._bounds, *joints, dt, dt + coast + self.stopping_time))
+        return _reach(self._bounds, joints, dt, dt + coast + self.stopping_time)
 
     def keeps(self, velocities: np.ndarray, least: np.ndarray, most: np.ndarray) -> bool:
         """Return True if joint velocities (n,) are within bounds (n,), except for rounding."""
@@ -120,10 +120,10 @@ class JointLimits:
 
 
 @njit(cache=True)
-def _reach(bounds: np.ndarray, positions: np.ndarray, previous: np.ndarray, dt: float,
-           horizon: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the fields of a Reach."""
+def _reach(bounds: np.ndarray, joints: Joints, dt: float, horizon: float) -> Reach:
+    """Return the reach for a period, if joints brake from their limits within the horizon [s]."""
     lower, upper, fastest, acceleration = bounds
+    positions, previous = joints
     periods = (np.abs(previous) / (dt * acceleration)).max()  # number of periods to brake
     least, most = np.empty((3, len(lower))), np.empty((3, len(lower)))
     for k in range(len(lower)):
@@ -133,7 +133,7 @@ def _reach(bounds: np.ndarray, positions: np.ndarray, previous: np.ndarray, dt: 
         low, high = (previous[k] - acceleration[k] * dt, previous[k] + acceleration[k] * dt)
         least[2, k] = min(max(least[1, k], low), high)
         most[2, k] = min(max(most[1, k], low), high)
-    return least, most, previous * (1.0 - 1.0 / max(periods, 1.0))
+    return Reach(least, most, previous * (1.0 - 1.0 / max(periods, 1.0)))
 
 
 @dataclass(frozen=True)

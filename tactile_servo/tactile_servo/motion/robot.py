@@ -1,7 +1,6 @@
 """Kinematics of a robot arm from a URDF: forward kinematics, Jacobian, inverse kinematics."""
 
 from collections.abc import Iterator, Sequence
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -71,11 +70,7 @@ class RobotModel:
         return self._placement()
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """
-        Return the Jacobian (6, n) of the tip frame at joint positions (n,) [rad or m].
-
-        It is expressed in the tip frame; its rows are linear, then angular.
-        """
+        """Return the Jacobian (6, n) in the tip frame, rows linear, then angular."""
         return self.place(q)[1]
 
     def place(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -113,19 +108,12 @@ class RobotModel:
     def inverse(self, pose: np.ndarray,
                 seed: Sequence[float] | np.ndarray | None = None) -> np.ndarray:
         """
-        Return joint positions (n,) within the limits that bring the tip frame to a pose.
+        Return joint positions (n,) within the limits that bring the tip frame to a pose (4, 4).
 
         The method is Levenberg-Marquardt with Sugihara's damping (IEEE T-RO 27(5), 2011), with
-        steps clipped to the limits. It starts from the seed, then from random configurations (the
-        same ones at every call). Without a seed, it returns the solution farthest from
-        singularities and limits among those from all random configurations.
-
-        Parameters
-        ----------
-        pose : array_like (4, 4)
-            Transform from the tip frame to the root frame [m].
-        seed : array_like (n,), optional
-            Start configuration; selects one of several solutions [rad or m].
+        steps clipped to the limits. It starts from the seed, which selects one of several
+        solutions, then from random configurations (the same ones at every call). Without a seed,
+        it returns the solution farthest from singularities and limits.
 
         Raises
         ------
@@ -135,15 +123,8 @@ class RobotModel:
             The pose is not a rigid transform, or the seed has a wrong length or is not finite.
         """
         target = _checked_pose(pose)
-        starts = self._random_configurations(seed)
-        if seed is not None:
-            q = np.array(seed, dtype=float)
-            if q.shape != self.lower.shape or not np.all(np.isfinite(q)):
-                raise ConfigurationError(
-                    f'seed: {len(self.joint_names)} finite joint positions are needed, got {q}')
-            starts = chain([q], starts)
         best, solutions = (np.inf, np.inf), []
-        for start in starts:
+        for start in self._starts(seed):
             q, residual = self._descend(target, start)
             if not _reached(residual):
                 best = min(best, residual)
@@ -152,10 +133,9 @@ class RobotModel:
             else:
                 solutions.append(self._unwound(q))
         if solutions:
-            clearances = [self._clearance(q) for q in solutions]
-            least = 0.98 * max(clearances)
-            clear = [q for q, c in zip(solutions, clearances, strict=True) if c >= least]
-            return min(clear, key=np.linalg.norm)
+            clearances = np.array([self._clearance(q) for q in solutions])
+            clear = np.flatnonzero(clearances >= 0.98 * clearances.max())
+            return min((solutions[k] for k in clear), key=np.linalg.norm)
         raise UnreachableError(
             f'{self.tip_frame}: no joint positions within the limits reach '
             f'({", ".join(f"{v:.4f}" for v in target.translation)}) m in the wanted orientation; '
@@ -180,11 +160,16 @@ class RobotModel:
             q = np.clip(q + np.linalg.solve(normal, weighted.T @ error), self.lower, self.upper)
         return found, residual
 
-    def _random_configurations(
-            self, seed: Sequence[float] | np.ndarray | None) -> Iterator[np.ndarray]:
-        rng = np.random.default_rng(0)
-        centre = np.zeros_like(self.lower) if seed is None else np.asarray(seed, dtype=float)
-        bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
+    def _starts(self, seed: Sequence[float] | np.ndarray | None) -> Iterator[np.ndarray]:
+        """Yield the seed, if there is one, and random configurations."""
+        centre = np.zeros_like(self.lower)
+        if seed is not None:
+            centre = np.array(seed, dtype=float)
+            if centre.shape != self.lower.shape or not np.isfinite(centre).all():
+                raise ConfigurationError(
+                    f'seed: {len(self.joint_names)} finite joint positions are needed, got {seed}')
+            yield centre
+        bounded, rng = np.isfinite(self.lower) & np.isfinite(self.upper), np.random.default_rng(0)
         low = np.where(bounded, self.lower, centre - np.pi)
         high = np.where(bounded, self.upper, centre + np.pi)
         for _ in range(RESTARTS):

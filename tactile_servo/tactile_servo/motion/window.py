@@ -31,6 +31,7 @@ def at_rest(positions: np.ndarray, time: float) -> Window:
     return Window(np.array([time, time + MIN_STOP]), places, np.zeros_like(places))
 
 
+@njit(cache=True)
 def committed(window: Window, elapsed: float, ahead: float) -> Window:
     """
     Return the part of a window from now, `elapsed` after its stamp, to `ahead` from now [s].
@@ -39,7 +40,23 @@ def committed(window: Window, elapsed: float, ahead: float) -> Window:
     a point that nearly coincides, which would otherwise be lost), or at the first point if this is
     later.
     """
-    return Window(*_committed(*window, elapsed, ahead))
+    left = window.times - elapsed
+    for time in left:
+        if abs(time - ahead) <= APART:
+            ahead = time
+    ahead, begin, now = max(ahead, left[0]), max(left[0], 0.0), left[0] < ahead
+    between = (left > begin + APART) & (left < ahead - APART)
+    count = 1 + now + (between.sum() if now else 0)
+    joints = window.positions.shape[1]
+    kept = Window(np.empty(count), np.empty((count, joints)), np.empty((count, joints)))
+    if now:
+        kept.times[0], kept.times[1:-1] = begin, left[between]
+        kept.positions[0], kept.velocities[0] = _sample(window, elapsed + begin)
+        kept.positions[1:-1] = window.positions[between]
+        kept.velocities[1:-1] = window.velocities[between]
+    kept.times[-1] = ahead
+    kept.positions[-1], kept.velocities[-1] = _sample(window, elapsed + ahead)
+    return kept
 
 
 def extended(window: Window, target: np.ndarray, coasted: np.ndarray, period: float,
@@ -52,14 +69,21 @@ def extended(window: Window, target: np.ndarray, coasted: np.ndarray, period: fl
     in the time that the slowest of them needs within its acceleration (n,).
     """
     stop = max(MIN_STOP, float((np.abs(coasted) / acceleration).max()))
-    return Window(*_extended(*window, np.array([target, coasted, 0.0 * target]),
-                             (period, coast, stop)))
+    times, positions, velocities = window.times[-1], window.positions[-1], window.velocities[-1]
+    added = []
+    for following, span in ((target, period), (coasted, coast), (0.0 * target, stop)):
+        times = times + span
+        positions = positions + 0.5 * span * (velocities + following)
+        velocities = following
+        added.append((times, positions, velocities))
+    return Window(*(np.concatenate((old, np.array(new))) for old, new in zip(
+        window, zip(*added, strict=True), strict=True)))
 
 
 @njit(cache=True)
-def _sample(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray,
-            time: float) -> tuple[np.ndarray, np.ndarray]:
+def _sample(window: Window, time: float) -> tuple[np.ndarray, np.ndarray]:
     """Return positions and velocities (n,) of a window at a time [s]."""
+    times, positions, velocities = window
     k = np.searchsorted(times, time, side='right') - 1
     if k < 0 or k == len(times) - 1:
         return positions[max(k, 0)], velocities[max(k, 0)]
@@ -67,41 +91,3 @@ def _sample(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray,
     gain = (velocities[k + 1] - velocities[k]) / span
     return (positions[k] + since * (velocities[k] + 0.5 * since * gain),
             velocities[k] + since * gain)
-
-
-@njit(cache=True)
-def _committed(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray, elapsed: float,
-               ahead: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the points of `committed`."""
-    left = times - elapsed
-    for time in left:
-        if abs(time - ahead) <= APART:
-            ahead = time
-    ahead, begin, now = max(ahead, left[0]), max(left[0], 0.0), left[0] < ahead
-    between = (left > begin + APART) & (left < ahead - APART)
-    count = 1 + now + (between.sum() if now else 0)
-    points = (np.empty(count), np.empty((count, positions.shape[1])),
-              np.empty((count, positions.shape[1])))
-    if now:
-        points[0][0], points[0][1:-1] = begin, left[between]
-        points[1][0], points[2][0] = _sample(times, positions, velocities, elapsed + begin)
-        points[1][1:-1], points[2][1:-1] = positions[between], velocities[between]
-    points[0][-1] = ahead
-    points[1][-1], points[2][-1] = _sample(times, positions, velocities, elapsed + ahead)
-    return points
-
-
-@njit(cache=True)
-def _extended(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray,
-              targets: np.ndarray, spans: tuple[float, float, float]
-              ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Add points that lead evenly to velocities (3, n), each in its span [s], to a window's."""
-    count = len(times)
-    points = (np.append(times, np.zeros(3)), np.concatenate((positions, targets)),
-              np.concatenate((velocities, targets)))
-    for k in range(3):
-        at = count + k
-        points[0][at] = points[0][at - 1] + spans[k]
-        points[1][at] = points[1][at - 1] + 0.5 * spans[k] * (
-            points[2][at - 1] + points[2][at])
-    return points

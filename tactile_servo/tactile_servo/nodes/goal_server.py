@@ -1,7 +1,6 @@
 """Action server of a servo: every accepted goal gets a result."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
@@ -17,16 +16,6 @@ from tactile_servo.supervisor import Supervisor
 FEEDBACK_PERIOD = 0.05  # s; the status topic is faster
 
 
-@dataclass(eq=False)
-class Execution:
-    """A goal of the action, its steady start time [s], and whether it has ended."""
-
-    handle: Any
-    started: float
-    ended: bool = False
-    reported: float = float('-inf')
-
-
 class GoalServer:
     """
     Action server of a servo.
@@ -34,11 +23,6 @@ class GoalServer:
     The execute callback runs only after a goal has ended, and creates the result. During the goal
     it would have to block or to await, and rclpy's executors poll an awaiting callback without a
     pause, which takes a whole core.
-
-    Attributes
-    ----------
-    told : bool
-        Whether the results of all accepted goals have been sent.
     """
 
     def __init__(self, node: Node, servo: Supervisor, name: str, base_frame: str,
@@ -46,8 +30,10 @@ class GoalServer:
         self._look_around = look_around  # called before a goal is checked
         self._logger, self._servo, self._base_frame = node.get_logger(), servo, base_frame
         self._action = ACTIONS[name]
-        self._execution: Execution | None = None
-        self.told = True
+        self._goal: Any = None  # handle of the active goal
+        self._ended = True  # whether the servo has ended it
+        self._started = self._reported = float('-inf')  # steady times of start and feedback [s]
+        self.told = True  # whether the results of all accepted goals have been sent
         self._refusals: dict[bytes, Reason] = {}  # by id, of accepted goals that could not start
         self._server = ActionServer(
             node, self._action.type, name, self._finish, goal_callback=self._on_goal,
@@ -56,17 +42,16 @@ class GoalServer:
 
     def report(self, msg: ServoStatus) -> None:
         """Publish feedback after a cycle, and end the goal if the servo has ended it."""
-        execution = self._execution
-        self.told = execution is None  # it ended a cycle ago, so the result has been sent
-        if execution is None or execution.ended:
+        self.told = self._goal is None  # it ended a cycle ago, so the result has been sent
+        if self._ended:
             return
         now = perf_counter()
         if not self._servo.active:
-            execution.ended = True
-            execution.handle.execute()
-        elif now - execution.reported >= FEEDBACK_PERIOD:
-            execution.reported = now
-            execution.handle.publish_feedback(self._action.feedback_to_msg(msg))
+            self._ended = True
+            self._goal.execute()
+        elif now - self._reported >= FEEDBACK_PERIOD:
+            self._reported = now
+            self._goal.publish_feedback(self._action.feedback_to_msg(msg))
 
     def _on_goal(self, request: Any) -> GoalResponse:
         self._look_around()
@@ -78,15 +63,17 @@ class GoalServer:
         return GoalResponse.REJECT
 
     def _on_cancel(self, goal_handle: Any) -> CancelResponse:
-        execution = self._execution
-        if execution is None or execution.handle.goal_id != goal_handle.goal_id:
-            return CancelResponse.REJECT  # only the active goal can be cancelled
+        if not self._is_active(goal_handle.goal_id):
+            return CancelResponse.REJECT
         self._servo.cancel()
         return CancelResponse.ACCEPT
 
     def _on_heartbeat(self, goal_id: UUID) -> None:
-        if self._execution is not None and self._execution.handle.goal_id == goal_id:
+        if self._is_active(goal_id):
             self._servo.hear_client()
+
+    def _is_active(self, goal_id: UUID) -> bool:
+        return self._goal is not None and self._goal.goal_id == goal_id
 
     def _on_accepted(self, goal_handle: Any) -> None:
         now = perf_counter()
@@ -96,7 +83,8 @@ class GoalServer:
             self._refusals[bytes(goal_handle.goal_id.uuid)] = refused.reason
             goal_handle.execute()
         else:
-            self._execution, self.told = Execution(goal_handle, now), False
+            self._goal, self._started, self._reported = goal_handle, now, now - FEEDBACK_PERIOD
+            self._ended = self.told = False
             if not self._servo.inputs.wrist.heard:
                 self._logger.info(
                     'goal accepted; without a force at the wrist (parameter wrist) a pad that '
@@ -107,11 +95,9 @@ class GoalServer:
         if refusal is not None:
             goal_handle.abort()
             return self._action.type.Result(reason_code=int(refusal.code), reason=refusal.text)
-        servo, execution = self._servo, self._execution
-        assert execution is not None  # it belongs to this goal
+        servo, self._goal = self._servo, None
         result = self._action.result_to_msg(
-            servo, perf_counter() - execution.started, self._base_frame)
-        self._execution = None
+            servo, perf_counter() - self._started, self._base_frame)
         if goal_handle.is_cancel_requested:
             goal_handle.canceled()
         elif servo.success:

@@ -22,22 +22,16 @@ class GraphGuard:
     """
     Checks that no topic has a second publisher, and that the robot's controller is active.
 
-    Parameters
-    ----------
-    node : Node
-    topics, shared : sequence of str
-        Topics that may have one publisher each, and those of them that may have more.
-    controller : str
-        Name of the controller; its state is subscribed to if control_msgs is installed.
-    see_reference : callable
-        Receives a JointState with the positions that the controller commands at its stamp.
+    The state of the `controller` is subscribed to if control_msgs is installed; `see_reference`
+    then receives the positions that it commands at its stamp. Topics in `shared` may have several
+    publishers.
     """
 
     def __init__(self, node: Node, topics: Sequence[str], shared: Sequence[str],
                  controller: str, see_reference: Callable[[JointState], None]):
         self._node, self._see_reference = node, see_reference
-        self._topics = sorted({node.resolve_topic_name(topic) for topic in topics}
-                              - {node.resolve_topic_name(topic) for topic in shared})
+        self._topics = sorted({*map(node.resolve_topic_name, topics)}
+                              - {*map(node.resolve_topic_name, shared)})
         self._heard: float | None = None  # steady time of the controller's last state [s]
         if JointTrajectoryControllerState is not None:
             node.create_subscription(

@@ -16,16 +16,18 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import ConfigurationError, TactileError
+from tactile_common.parameter_file import parameters_of, refuse_unknown
 from tactile_common.ros.cdr import unpacked
 from tactile_common.ros.conversions import NS, pose_to_msg, set_stamp, stamp_to_ns
 from tactile_common.ros.node import TactileNode
-from tactile_common.ros.parameters import follow_changes
+from tactile_common.ros.parameters import declare_from, follow_changes
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SensorInfo, ServoCalls, ServoStatus, TactileImage
 from tactile_msgs.srv import TeachFeatures
 from tactile_sensing.conversions import contact_from_msg, image_from_msg, sensor_info_from_msg
 from tactile_servo.compile_kernels import compile_kernels
+from tactile_servo.config import ServoConfig
 from tactile_servo.conversions import (
     joint_positions,
     journal_to_msg,
@@ -33,14 +35,14 @@ from tactile_servo.conversions import (
     touch_to_msg,
     trajectory_to_bytes,
 )
-from tactile_servo.journal import Call
+from tactile_servo.journal import Call, JournaledSupervisor
 from tactile_servo.law import Teachable
-from tactile_servo.laws.registry import law_named
+from tactile_servo.laws.registry import law_named, LAWS
 from tactile_servo.nodes.goal_server import GoalServer
 from tactile_servo.nodes.graph_guard import GraphGuard
 from tactile_servo.nodes.pace import Pace
-from tactile_servo.nodes.parameters import declared_supervisor
 from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.robot_config import NodeConfig, robot_of
 from tactile_servo.types import State, Status
 
 GUARD_PERIOD = 0.1  # s between checks of the graph
@@ -101,11 +103,17 @@ class EdgeServoNode(TactileNode):
         self._server: GoalServer | None = None  # created after the parameters have been checked
         self._stopping: Reason | None = None
         super().__init__('edge_servo', **kwargs)
-        self._servo, self._model, config = declared_supervisor(self)
-        follow_changes(self, self._servo.law.config_type, self._servo.retune)
+        _refuse_unknown(self)
+        config, servo_config = declare_from(self, NodeConfig), declare_from(self, ServoConfig)
+        law = law_named(config.law).law
+        law_config = declare_from(self, law.config_type)
+        self._model, limits, box = robot_of(config)
+        self._servo = JournaledSupervisor(
+            self._model, limits, law(servo_config, law_config), servo_config, box)
+        follow_changes(self, law.config_type, self._servo.retune)
         self.texts = {'robot_description': self._model.urdf}
         compile_kernels()
-        self._pace, self._heard = Pace(1.0 / self._servo.config.rate), Heard()
+        self._pace, self._heard = Pace(1.0 / servo_config.rate), Heard()
         self._status_msg, self._pose_msg = ServoStatus(), PoseStamped()
         self._telling = Telling()
         self._status_msg.header.frame_id = config.tip_frame
@@ -323,6 +331,18 @@ class EdgeServoNode(TactileNode):
             if self.context.ok():
                 self._tell_calls(self._now_ns())
         super().destroy_node()
+
+
+def _refuse_unknown(node: EdgeServoNode) -> None:
+    """
+    Refuse parameters that neither the node nor any law has; ignored ones could do silent harm.
+
+    ConfigurationError if there are any; its message names the most similar known parameters.
+    """
+    known = parameters_of((NodeConfig, ServoConfig, *(
+        row.law.config_type for row in LAWS.values())))
+    # rclpy has no public access to parameters that were given but not declared.
+    refuse_unknown(node._parameter_overrides, [parameter.name for parameter in known])
 
 
 def _keep_the_clock(parameters: Any) -> SetParametersResult:

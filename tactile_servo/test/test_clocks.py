@@ -1,9 +1,9 @@
-"""The time between cycles, and its faults."""
+"""Times between cycles and their faults; what joint states tell of the robot's clock."""
 
-from tactile_servo.cycle_clock import CycleClock
+from tactile_servo.clocks import ClockCheck, CycleClock
 from tactile_servo.reasons import ReasonCode
 
-PERIOD = 0.0025  # s
+PERIOD, STATE_PERIOD = 0.0025, 0.004  # s
 MS = 1_000_000  # ns
 
 
@@ -47,3 +47,25 @@ def test_a_clock_that_stands_or_goes_back_is_told():
     assert 'went back by 0.01 s' in clock.fault.text
     clock.tick(10.1025, 92 * MS)
     assert code(clock) is None
+
+
+def seen(ages):
+    """Give a check that has seen joint states of these ages [s], one every STATE_PERIOD."""
+    check = ClockCheck()
+    for count, age in enumerate(ages):
+        check.see(count, age, count * STATE_PERIOD)
+    return check
+
+
+def test_a_clock_agrees_by_its_youngest_joint_state():
+    assert seen([0.02, 0.001, 0.02]).agrees
+    assert not seen([0.02, 0.003, 0.02]).agrees  # more than 2.5 ms
+    assert not seen([0.001] + [0.02] * 300).agrees  # no longer
+
+
+def test_lateness_is_what_the_oldest_has_of_the_youngest_for_a_while():
+    assert ClockCheck().lateness == 0.0
+    assert abs(seen([0.001, 0.009, 0.001]).lateness - 0.008) < 1e-12
+    assert abs(seen([0.001, 0.009] + [0.001] * 100).lateness - 0.008) < 1e-12  # of .4 s ago
+    assert seen([0.001, 0.009] + [0.001] * 300).lateness == 0.0  # of 1.2 s
+    assert abs(seen([-0.5, -0.49]).lateness - 0.01) < 1e-12  # whatever the clock
