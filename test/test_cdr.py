@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import TactileError
-from tactile_common.ros.cdr import HEAD, padded, unpacked
+from tactile_common.ros.cdr import HEAD, unpacked
 from tactile_msgs.msg import Contact, ServoStatus, TactileImage
 
 KINDS = [Contact, JointState, JointTrajectory, PoseStamped, ServoStatus, TactileImage]
@@ -108,7 +108,3 @@ def test_arrays_can_be_written_to():
     positions = unpacked(raw, JointState).position
     positions[0] = 3.0
     assert unpacked(raw, JointState).position[0] == 1.0
-
-
-def test_numbers_lie_at_multiples_of_their_size():
-    assert padded(['B', 'd', '3s', 'H', 'I']).format == '<0xB7xd0x3s1xH2xI'

@@ -43,7 +43,7 @@ PARTS = {
     '- picture traced': (Supervisor, 'see_image'),
     '- contact taken': (Supervisor, 'see_contact'),
     '- decided, and moved on': (Supervisor, 'cycle'),
-    '- command laid out': (NODE, 'trajectory_to_bytes'),
+    '- command laid out': (NODE, 'trajectory_to_msg'),
     '- status laid out': (NODE, 'status_to_msg'),
 }
 

@@ -14,26 +14,21 @@ import json
 from time import perf_counter
 from timeit import repeat
 
-from builtin_interfaces.msg import Duration
 import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from benchmarks.harness import ROOT, table
 import edge_tracking.graph  # noqa: F401  loads the same heap as the nodes
 from tactile_common.ros.cdr import unpacked
-from tactile_common.ros.conversions import stamp_from_ns
 from tactile_common.ros.runner import freeze_heap
 from tactile_msgs.msg import Contact
 from tactile_sensing.conversions import image_to_msg
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer
 from tactile_sensing.types.image import TactileImage as Image
-from tactile_servo.conversions import trajectory_to_bytes
-from tactile_servo.motion.trajectory import Trajectory
 
-POINTS, JOINTS = 3, 6  # of a window
+JOINTS = 6
 
 
 def seconds(function, calls=200, rounds=15):
@@ -51,17 +46,6 @@ def messages():
     return (joints, 0.6), (Contact(), 0.5), (image, 0.5)
 
 
-def message_of(window):
-    """Make the JointTrajectory message of a window with rclpy's setters."""
-    message = JointTrajectory(joint_names=list(window.joint_names))
-    message.header.stamp = stamp_from_ns(window.stamp_ns)
-    for k, time in enumerate(window.times.tolist()):
-        message.points.append(JointTrajectoryPoint(
-            positions=window.positions[k], velocities=window.velocities[k],
-            time_from_start=Duration(nanosec=round(1e9 * time))))
-    return message
-
-
 def measured():
     """Yield rows: shortcut, its time per cycle, and the time without it [s]."""
     times = np.zeros(2)
@@ -70,11 +54,6 @@ def measured():
         times += [calls * seconds(lambda read=read, raw=raw, kind=kind: read(raw, kind))
                   for read in (unpacked, deserialize_message)]
     yield 'messages read by rosbags', *times
-    rows = np.zeros((POINTS, JOINTS))
-    window = Trajectory(tuple(f'joint_{k}' for k in range(JOINTS)),
-                        0.01 * np.arange(1, POINTS + 1), rows, rows, stamp_ns=10**18)
-    yield ('command laid out as bytes', seconds(lambda: trajectory_to_bytes(window)),
-           seconds(lambda: serialize_message(message_of(window))))
 
 
 def collection():

@@ -7,17 +7,15 @@ times faster than creating one, and a message can be reused once it has been pub
 
 from array import array
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PoseStamped
 import numpy as np
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tactile_common.errors import Rejected
-from tactile_common.ros.cdr import HEAD, padded
 from tactile_common.ros.conversions import (
     NS,
     pose_to_msg,
@@ -40,41 +38,17 @@ _NUMBERS = ('lateral_error', 'longitudinal_error', 'angle_error', 'normal_force'
             'speed', 'progress', 'limit_scale', 'manipulability')
 
 
-def trajectory_to_bytes(trajectory: Trajectory) -> bytes:
-    """
-    Serialize a Trajectory as a JointTrajectory message.
-
-    This is faster than the serialization of a message object: `benchmarks/latency/shortcuts.py`.
-    """
-    names, times = trajectory.joint_names, trajectory.times.tolist()
-    given = [None if (rows := getattr(trajectory, name)) is None else rows.tolist()
-             for name in _FIELDS]
-    struct, head = _layout(tuple(names), len(times), tuple(rows is not None for rows in given))
-    values = [*divmod(trajectory.stamp_ns, NS), *head]
-    for k, time in enumerate(times):
-        for rows in given:
-            if rows is None:
-                values.append(0)
-            else:
-                values.append(len(names))
-                values += rows[k]
-        values += 0, *divmod(round(time * NS), NS)
-    return HEAD + struct.pack(*values)
-
-
-@lru_cache(maxsize=16)
-def _layout(names: tuple[str, ...], points: int, given: tuple[bool, ...]) -> tuple[Any, list]:
-    """
-    Return the layout of a JointTrajectory, and its values before the first point.
-
-    Its frame is empty. `given` says which of _FIELDS the points contain.
-    """
-    texts = [f'{name}\0'.encode() for name in ('', *names)]
-    sized = [part for text in texts for part in (len(text), text)]
-    codes = [code for text in texts for code in ('I', f'{len(text)}s')]
-    point = [*('I' + 'd' * len(names) * present for present in given), 'I', 'iI']
-    return (padded(['i', 'I', *codes[:2], 'I', *codes[2:], 'I', *''.join(point * points)]),
-            [*sized[:2], len(names), *sized[2:], points])
+def trajectory_to_msg(trajectory: Trajectory) -> JointTrajectory:
+    """Convert a Trajectory to a JointTrajectory message."""
+    message = JointTrajectory(joint_names=list(trajectory.joint_names))
+    set_stamp(message.header.stamp, trajectory.stamp_ns)
+    for k, time in enumerate(trajectory.times.tolist()):
+        point = JointTrajectoryPoint(**{  # an array of doubles is not checked number by number
+            name: array('d', rows[k].tobytes()) for name in _FIELDS
+            if (rows := getattr(trajectory, name)) is not None})
+        set_stamp(point.time_from_start, round(time * NS))
+        message.points.append(point)
+    return message
 
 
 def trajectory_from_msg(message: JointTrajectory) -> Trajectory:

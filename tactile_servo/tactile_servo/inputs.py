@@ -140,7 +140,8 @@ class Inputs:
 
         With `touch`, the age of the contact counts too.
         """
-        return min(_trust(it, now) for it in (self.joints, self.contact)[:1 + touch])
+        share = _trust(self.joints, now)
+        return min(share, _trust(self.contact, now)) if touch else share
 
     def joints_missing(self) -> Reason | None:
         """Return what is wrong with the joint states, or None."""

@@ -4,24 +4,23 @@ import numpy as np
 import pytest
 
 from tactile_servo.motion.delay import DELAY_MARGIN, LATEST, WindowDelay
-from tactile_servo.motion.trajectory import Trajectory
+from tactile_servo.motion.window import Window
 
 MS = 10**6  # ns
 
 
 def window(place, stamp):
     """One joint that rests at a place [rad] from 1 ms after a stamp [ms]."""
-    return Trajectory(('j',), np.array([0.001, 0.002]), np.full((2, 1), place), np.zeros((2, 1)),
-                      stamp_ns=stamp * MS)
+    return Window(np.array([0.001, 0.002]), np.full((2, 1), place), np.zeros((2, 1))), stamp * MS
 
 
 @pytest.fixture
 def delay():
     """A window at 0 is played, one to 0.1 rad is on its way since 10 ms."""
     delay = WindowDelay()
-    delay.send(window(0.0, 1))
+    delay.send(*window(0.0, 1))
     delay.see(np.array([0.0]), 5 * MS)
-    delay.send(window(0.1, 10))
+    delay.send(*window(0.1, 10))
     return delay
 
 
@@ -42,7 +41,7 @@ def test_windows_are_committed_for_no_more_than_the_latest(delay):
 
 
 def test_the_younger_of_two_late_windows_waits_on(delay):
-    delay.send(window(0.2, 13))
+    delay.send(*window(0.2, 13))
     delay.see(np.array([0.0]), 20 * MS)
     delay.see(np.array([0.1]), 21 * MS)
     assert delay.overdue == pytest.approx(0.008) and delay.longest == pytest.approx(0.01)

@@ -15,7 +15,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from tactile_common.errors import ConfigurationError, UnreachableError
 from tactile_common.ros.runner import make_executor
-from tactile_servo.conversions import trajectory_to_bytes
+from tactile_servo.conversions import trajectory_to_msg
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_simulation.nodes.mock_robot import MockRobotNode
 
@@ -66,7 +66,7 @@ class Bench:
 
     def send(self, times, positions, names=None, **more):
         positions = np.atleast_2d(positions)
-        self.publisher.publish(trajectory_to_bytes(Trajectory(
+        self.publisher.publish(trajectory_to_msg(Trajectory(
             names or self.robot.robot.joint_names, np.array(times), positions,
             np.zeros_like(positions), **more)))
 

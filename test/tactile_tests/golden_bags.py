@@ -36,7 +36,7 @@ from tactile_servo.conversions import (
     joint_state_to_msg,
     journal_to_msg,
     status_to_msg,
-    trajectory_to_bytes,
+    trajectory_to_msg,
 )
 from tactile_servo.journal import Call, JournaledSupervisor
 from tactile_servo.laws.registry import law_for, law_named
@@ -91,7 +91,7 @@ class RecordedSupervisor(JournaledSupervisor):
         status, window = super().cycle(now, now_ns)
         self.cycles += 1
         if window is not None:
-            self.write('joint_trajectory', trajectory_to_bytes(window))
+            self.write('joint_trajectory', trajectory_to_msg(window))
         news = status.state, status.reason
         if news != self.news or not self.cycles % TOLD_EVERY:
             self.news = news

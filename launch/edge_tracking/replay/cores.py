@@ -33,7 +33,7 @@ from tactile_servo.conversions import (
     joint_positions,
     status_to_msg,
     touch_to_msg,
-    trajectory_to_bytes,
+    trajectory_to_msg,
 )
 from tactile_servo.journal import ask_again, Call, WITH_TEXT
 from tactile_servo.laws.registry import law_named
@@ -177,7 +177,8 @@ class ServoCore:
         if cycle is None:
             return
         if cycle.window is not None:
-            self._output.message('joint_trajectory', at, trajectory_to_bytes(cycle.window))
+            self._output.message(
+                'joint_trajectory', at, packed(trajectory_to_msg(cycle.window)))
         news = cycle.status.state, cycle.status.reason
         if cycle.told or news != (self._news or news):
             status_to_msg(cycle.status, self.servo.law.name, UNKNOWN, self._status)

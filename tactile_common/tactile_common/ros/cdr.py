@@ -4,10 +4,9 @@ Conversion between Python messages and their serialised bytes (CDR).
 rosbags deserialises several times faster than rclpy, whose messages check every field.
 `python3 -m benchmarks.latency.shortcuts` measures the share of this in the servo's cycle.
 """
-from collections.abc import Iterable
 from functools import cache
-from struct import calcsize, Struct, unpack_from
 from struct import error as StructError
+from struct import unpack_from
 from typing import Any
 
 from rclpy.serialization import serialize_message
@@ -88,17 +87,3 @@ def known(kind: type) -> str:
     register(_installed, get_types_from_msg(text, name))
     _installed.get_msgdef(name)
     return name
-
-
-def padded(codes: Iterable[str]) -> Struct:
-    """
-    Return a Struct of values in sequence, each aligned to a multiple of its size.
-
-    Codes are those of `struct`, one letter each; for bytes, a count and `s`.
-    """
-    parts, at = ['<'], 0
-    for code in codes:
-        pad = -at % (1 if code.endswith('s') else calcsize(code))
-        parts.append(f'{pad}x{code}')
-        at += pad + calcsize(f'<{code}')
-    return Struct(''.join(parts))

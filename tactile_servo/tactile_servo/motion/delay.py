@@ -4,8 +4,7 @@ from collections import deque
 
 import numpy as np
 
-from tactile_servo.motion.trajectory import Trajectory
-from tactile_servo.motion.window import committed, Window
+from tactile_servo.motion.window import sample, Window
 
 SAME = 1e-6  # largest difference of two equal positions [rad]
 KEPT = 32  # number of stored windows
@@ -36,23 +35,23 @@ class WindowDelay:
 
     def begin(self) -> None:
         """Begin a motion, from rest."""
-        self._sent: deque[Trajectory] = deque(maxlen=KEPT)
+        self._sent: deque[tuple[int, Window]] = deque(maxlen=KEPT)
         self._rest: np.ndarray | None = None
         self._moved_ns: int | None = None
         # Time for which the oldest window that is not yet played has been on its way [s].
         self.overdue, self.probing = 0.0, self._heard and not self._proved
 
-    def send(self, window: Trajectory) -> None:
+    def send(self, window: Window, stamp_ns: int) -> None:
         """Register a window that is sent; one with stamp 0 is played when it arrives."""
-        if not window.stamp_ns:
+        if not stamp_ns:
             self.probing = False
             return
-        self._sent.append(window)
+        self._sent.append((stamp_ns, window))
         if self._rest is None:
             self._rest = window.positions[-1]
         elif self._moved_ns is None:
-            self._moved_ns = window.stamp_ns
-        elif window.stamp_ns - self._moved_ns > 1e9 * PROBE_TIME:
+            self._moved_ns = stamp_ns
+        elif stamp_ns - self._moved_ns > 1e9 * PROBE_TIME:
             self.probing = False
 
     def unsend(self) -> None:
@@ -63,16 +62,14 @@ class WindowDelay:
     def see(self, reference: np.ndarray, stamp_ns: int) -> None:
         """Process the positions (n,) [rad] that the controller commands for a time [ns]."""
         self._heard, awaited = True, 0.0
-        for window in reversed(self._sent):
-            since = 1e-9 * (stamp_ns - window.stamp_ns)
+        for sent_ns, window in reversed(self._sent):
+            since = 1e-9 * (stamp_ns - sent_ns)
             if since < 0.0:
                 continue
             if since < window.times[0]:
                 return  # until a window's first point, the controller moves by its own spline
-            assert window.velocities is not None
-            there = committed(
-                Window(window.times, window.positions, window.velocities), since, 0.0)
-            if np.abs(there.positions[-1] - reference).max() <= SAME:
+            there, _ = sample(window, since)
+            if np.abs(there - reference).max() <= SAME:
                 break
             awaited = since
         else:

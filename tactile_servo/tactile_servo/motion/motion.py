@@ -226,7 +226,7 @@ class Motion:
                 window, joints, *self._robot.place(joints.positions), window.positions[-1],
                 now_ns)
             sent = Trajectory(self._limits.names, *window, stamp_ns=now_ns if self._stamped else 0)
-            self.delay.send(sent)
+            self.delay.send(window, sent.stamp_ns)
             step = step._replace(trajectory=sent)
         elif awaiting:  # the last window leads on
             joints = Joints(kept.positions[-1], kept.velocities[-1])

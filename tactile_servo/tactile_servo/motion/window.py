@@ -51,11 +51,11 @@ def committed(window: Window, elapsed: float, ahead: float) -> Window:
     kept = Window(np.empty(count), np.empty((count, joints)), np.empty((count, joints)))
     if now:
         kept.times[0], kept.times[1:-1] = begin, left[between]
-        kept.positions[0], kept.velocities[0] = _sample(window, elapsed + begin)
+        kept.positions[0], kept.velocities[0] = sample(window, elapsed + begin)
         kept.positions[1:-1] = window.positions[between]
         kept.velocities[1:-1] = window.velocities[between]
     kept.times[-1] = ahead
-    kept.positions[-1], kept.velocities[-1] = _sample(window, elapsed + ahead)
+    kept.positions[-1], kept.velocities[-1] = sample(window, elapsed + ahead)
     return kept
 
 
@@ -81,7 +81,7 @@ def extended(window: Window, target: np.ndarray, coasted: np.ndarray, period: fl
 
 
 @njit(cache=True)
-def _sample(window: Window, time: float) -> tuple[np.ndarray, np.ndarray]:
+def sample(window: Window, time: float) -> tuple[np.ndarray, np.ndarray]:
     """Return positions and velocities (n,) of a window at a time [s]."""
     times, positions, velocities = window
     k = np.searchsorted(times, time, side='right') - 1

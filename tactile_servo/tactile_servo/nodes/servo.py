@@ -33,7 +33,7 @@ from tactile_servo.conversions import (
     journal_to_msg,
     status_to_msg,
     touch_to_msg,
-    trajectory_to_bytes,
+    trajectory_to_msg,
 )
 from tactile_servo.journal import Call, JournaledSupervisor
 from tactile_servo.law import Teachable
@@ -279,7 +279,7 @@ class EdgeServoNode(TactileNode):
             trajectory = None  # too late: the process got no processor time
             self._servo.journal.add(Call.LATE)
         if trajectory is not None:
-            self._trajectory.publish(trajectory_to_bytes(trajectory))
+            self._trajectory.publish(trajectory_to_msg(trajectory))
         sent = perf_counter()
         self._telling.use(status.contact_stamp_ns, trajectory is not None,
                           now_ns + NS * (sent - now))
