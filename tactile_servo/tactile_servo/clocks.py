@@ -12,24 +12,15 @@ WATCHED = 0.5  # s over which the least age is taken
 
 
 class CycleClock:
-    """
-    Compares the steady clock of the computer and the clock of the stamps, which sets the motion.
-
-    Attributes
-    ----------
-    gap : float
-        Steady time from the previous cycle to the newest one [s].
-    fault : Reason or None
-        Fault of the time in the newest cycle.
-    """
+    """Compares the computer's steady clock and the clock of the stamps, which sets the motion."""
 
     def __init__(self, period: float):
         self._period = period
         self._last: float | None = None
         self._last_ns = 0
         self._advanced = 0.0  # steady time at which the stamps' clock last advanced [s]
-        self.gap = 0.0
-        self.fault: Reason | None = None
+        self.gap = 0.0  # steady time from the previous cycle to the newest one [s]
+        self.fault: Reason | None = None  # of the time in the newest cycle
 
     def tick(self, now: float, now_ns: int) -> float:
         """

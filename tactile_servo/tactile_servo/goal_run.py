@@ -1,7 +1,7 @@
 """Runs one goal: decides when the pad approaches, tracks, holds and lifts off."""
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Set
 
 import numpy as np
 
@@ -50,17 +50,6 @@ class GoalRun:
     In every cycle the first row of `RULES`, below, whose guard gives a reason fires. When a hold
     begins, no more motion is commanded, and the last window ends at rest. Once the robot is at
     rest, it is sent to its measured position, so that no older command can move it any more.
-
-    Attributes
-    ----------
-    phase, reason : Phase, Reason
-        What the servo does, and why.
-    reference : Reference or None
-        Last wanted motion of the law; None unless the law moves the pad.
-    observed : float
-        Steady time of the law's last observation [s].
-    success : bool
-        Whether the goal was reached.
     """
 
     def __init__(self, goal: Goal, config: ServoConfig, law: ServoLaw, inputs: Inputs,
@@ -71,8 +60,9 @@ class GoalRun:
         self._since = now  # steady time of the last change of phase [s]
         self.goal, self.statistics = goal, TrackStatistics(
             goal.force, law.near * max(array.pitch_x, array.pitch_y))
-        self.reference: Reference | None = None
-        self.observed, self.success = -np.inf, False
+        self.reference: Reference | None = None  # last one of the law, while it moves the pad
+        self.observed = -np.inf  # steady time of the law's last observation [s]
+        self.success = False  # whether the goal was reached
         self.hold = Hold(Phase.APPROACH, Reason(ReasonCode.NONE), -np.inf)
         self._config, self._law, self._inputs, self._motion = config, law, inputs, motion
         self._way = NormalWay(config, goal, law, inputs, motion)
@@ -469,44 +459,39 @@ def time_limits(config: ServoConfig, goal: Goal) -> dict[State, float]:
 
 Guard = Callable[[GoalRun], Reason | None]
 Next = Phase | Callable[[GoalRun, Reason], Phase]
-_APPROACH, _TEST = frozenset({Phase.APPROACH}), frozenset({Phase.TEST})
-_RETREAT = frozenset({Phase.RETREAT})
-_SETTLING, _WAITING = frozenset({Phase.SETTLING}), frozenset({Phase.WAITING})
-_UNLOADING = frozenset({Phase.UNLOADING})
-_STOPPING, _SEARCH = frozenset({Phase.STOPPING}), frozenset({Phase.SEARCH})
 # Phases, guard, and the next phase or what chooses it: in each cycle the first row of the phase
 # whose guard gives a reason fires. Besides, `cancel` leads from every phase to STOPPING.
-RULES: tuple[tuple[frozenset[Phase], Guard, Next], ...] = (
-    (_STOPPING, GoalRun._played_out, Phase.DONE),
+RULES: tuple[tuple[Set[Phase], Guard, Next], ...] = (
+    ({Phase.STOPPING}, GoalRun._played_out, Phase.DONE),
     (HELD, GoalRun._waited_long, GoalRun._end),
-    (_SETTLING, GoalRun._stands, Phase.WAITING),
-    (_WAITING, GoalRun._unloads, Phase.UNLOADING),
+    ({Phase.SETTLING}, GoalRun._stands, Phase.WAITING),
+    ({Phase.WAITING}, GoalRun._unloads, Phase.UNLOADING),
     (HELD, lambda run: run._why, GoalRun._go_on_holding),
-    (_UNLOADING, GoalRun._unloaded, GoalRun._hold_unloaded),
-    (_WAITING, GoalRun._binds, Phase.ASKED),
-    (_WAITING, GoalRun._overload, GoalRun._lift),
-    (_WAITING, GoalRun._lies, GoalRun._lift),
+    ({Phase.UNLOADING}, GoalRun._unloaded, GoalRun._hold_unloaded),
+    ({Phase.WAITING}, GoalRun._binds, Phase.ASKED),
+    ({Phase.WAITING}, GoalRun._overload, GoalRun._lift),
+    ({Phase.WAITING}, GoalRun._lies, GoalRun._lift),
     (STANDING, GoalRun._asked, GoalRun._resume),
-    (_WAITING, GoalRun._well_soon, GoalRun._resume),
-    (HELD - _UNLOADING, lambda run: run._unseen, GoalRun._stay_held),
+    ({Phase.WAITING}, GoalRun._well_soon, GoalRun._resume),
+    (HELD - {Phase.UNLOADING}, lambda run: run._unseen, GoalRun._stay_held),
     (STANDING, GoalRun._well, GoalRun._stay_held),
     (MOVING, lambda run: run._why, GoalRun._begin_hold),
-    (_RETREAT, GoalRun._cannot_lift, Phase.STOPPING),
-    (_RETREAT, GoalRun._lifted, Phase.DONE),
+    ({Phase.RETREAT}, GoalRun._cannot_lift, Phase.STOPPING),
+    ({Phase.RETREAT}, GoalRun._lifted, Phase.DONE),
     (TOUCHING, GoalRun._blocked, GoalRun._end),
     (TOUCHING, GoalRun._overload, GoalRun._lift),
     (TOUCHING, GoalRun._lies, GoalRun._lift),
     (TOUCHING, GoalRun._too_long, GoalRun._lift),
-    (_APPROACH, GoalRun._touches_untested, Phase.TEST),
-    (_APPROACH, GoalRun._touches, Phase.TRACK),
-    (_TEST, GoalRun._fails_test, GoalRun._lift),
-    (_TEST, GoalRun._passes_test, Phase.TRACK),
+    ({Phase.APPROACH}, GoalRun._touches_untested, Phase.TEST),
+    ({Phase.APPROACH}, GoalRun._touches, Phase.TRACK),
+    ({Phase.TEST}, GoalRun._fails_test, GoalRun._lift),
+    ({Phase.TEST}, GoalRun._passes_test, Phase.TRACK),
     (APPROACHING, GoalRun._touches_nothing_to_track, GoalRun._lift),
-    (_APPROACH, GoalRun._meets_nothing, GoalRun._lift),
+    ({Phase.APPROACH}, GoalRun._meets_nothing, GoalRun._lift),
     (TRACKING, lambda run: run._law_says(State.HOLD), GoalRun._begin_hold),
     (TRACKING, GoalRun._law_fails, GoalRun._lift),
     (TRACKING, lambda run: run._law_says(State.DONE), GoalRun._end),
-    (TRACKING - _SEARCH, GoalRun._too_deep, GoalRun._lift),
+    (TRACKING - {Phase.SEARCH}, GoalRun._too_deep, GoalRun._lift),
     (TRACKING, GoalRun._presses_too_deep, GoalRun._lift),
     (TRACKING, lambda run: run._law_says(State.TRACK), Phase.TRACK),
     (TRACKING, lambda run: run._law_says(State.CORNER), Phase.CORNER),

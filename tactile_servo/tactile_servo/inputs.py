@@ -60,7 +60,7 @@ class Inputs:
         self._tared = True
         self.unbelieved = ''  # why the newest joint state was rejected
         self._felt = self._summed = 0.0  # force by the newest contact, and by the image [N]
-        self._pictured, self._image_fresh = -math.inf, False  # arrival of the newest image [s]
+        self._image_arrival, self._image_fresh = -math.inf, False  # of the newest image [s]
 
     def see_joints(self, positions: np.ndarray, stamp_ns: int, arrival: float) -> None:
         """Process a measured joint state; ValueError if it is not plausible."""
@@ -91,14 +91,14 @@ class Inputs:
                 self.refuse(Reason(ReasonCode.WRONG_FRAME, f'image in {image.frame_id!r}, sensor '
                                    f'in {sensor.frame_id!r}'))
             if array is not known and not _alike(array, known):
-                self.refuse(Reason(
-                    ReasonCode.BAD_IMAGE, f'{_told(array)}, but the sensor has {_told(known)}'))
+                self.refuse(Reason(ReasonCode.BAD_IMAGE, f'{_size_of(array)}, but the sensor has '
+                                   f'{_size_of(known)}'))
         pressure = 0.0
         for layer in image.layers if image.tared else ():
             if layer.component == 'zz' and layer.unit == 'Pa':
                 stress = np.asarray(layer.stress, np.float64)
                 pressure += float(stress[np.abs(stress) < IMPOSSIBLE].sum())
-        self._pictured, self._summed = arrival, pressure * array.pitch_x * array.pitch_y
+        self._image_arrival, self._summed = arrival, pressure * array.pitch_x * array.pitch_y
 
     def refuse(self, reason: Reason) -> None:
         """Store the reason of a refusal and raise InputRefused."""
@@ -126,7 +126,7 @@ class Inputs:
 
     def refresh(self, now: float, now_ns: int) -> None:
         """Update the freshness of all inputs, and compare pad and wrist."""
-        self._image_fresh = now - self._pictured <= STALE_AFTER
+        self._image_fresh = now - self._image_arrival <= STALE_AFTER
         if not self._image_fresh:
             self._summed = 0.0
         self.contact_fresh = self.sensor is not None and _fresh(self.contact, now, now_ns)
@@ -182,7 +182,7 @@ def _trust(sample: Sample | None, now: float) -> float:
         now - sample.arrival, STALE_AFTER, AGEING * STALE_AFTER)
 
 
-def _told(array: TactelArray) -> str:
+def _size_of(array: TactelArray) -> str:
     return (f'{array.rows} x {array.columns} tactels every {1e3 * array.pitch_y:g} x '
             f'{1e3 * array.pitch_x:g} mm')
 

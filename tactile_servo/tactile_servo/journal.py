@@ -71,7 +71,7 @@ class JournaledSupervisor(Supervisor):
     def __init__(self, *arguments: Any, **named: Any):
         super().__init__(*arguments, **named)
         self.journal = Journal()
-        self._told: dict[Call, Reason | None] = {Call.AROUND: None, Call.REFUSED: None}
+        self._recorded: dict[Call, Reason | None] = {Call.AROUND: None, Call.REFUSED: None}
         self._delay = self.motion.delay.learnt
 
     def take_journal(self) -> Journal:
@@ -80,11 +80,11 @@ class JournaledSupervisor(Supervisor):
         self.journal = Journal(journal.first + len(journal.call))
         return journal
 
-    def _tell_reasons(self) -> None:
+    def _record_reasons(self) -> None:
         """Record values that are set from outside, if they have changed."""
         for call, reason in ((Call.AROUND, self.around), (Call.REFUSED, self.inputs.refused)):
-            if reason != self._told[call]:
-                self._told[call] = reason
+            if reason != self._recorded[call]:
+                self._recorded[call] = reason
                 code, text = reason or (ReasonCode.NONE, '')
                 self.journal.add(call, 0.0, code, text)
         if self._delay != self.motion.delay.learnt:
@@ -113,12 +113,12 @@ class JournaledSupervisor(Supervisor):
         super().see_wrench(force, arrival)
 
     def cycle(self, now: float, now_ns: int) -> tuple[Status, Trajectory | None]:
-        self._tell_reasons()
+        self._record_reasons()
         self.journal.add(Call.CYCLE, now, now_ns)
         return super().cycle(now, now_ns)
 
     def start(self, goal: Any, now: float) -> None:
-        self._tell_reasons()
+        self._record_reasons()
         self.journal.add(
             Call.START, now, text=json.dumps(asdict(goal), default=np.ndarray.tolist))
         super().start(goal, now)

@@ -67,21 +67,16 @@ class LawResult:
 
 
 class Goal(Protocol):
-    """
-    Properties that every goal has.
-
-    They are the speed [m/s], the force [N], whether to lift off at the end, and how long the
-    client may be silent [s].
-    """
+    """Properties that every goal has."""
 
     @property
-    def speed(self) -> float: ...
+    def speed(self) -> float: ...  # m/s
     @property
-    def force(self) -> float: ...
+    def force(self) -> float: ...  # N
     @property
-    def retreat(self) -> bool: ...
+    def retreat(self) -> bool: ...  # whether to lift off at the end
     @property
-    def client_timeout(self) -> float: ...
+    def client_timeout(self) -> float: ...  # how long the client may be silent [s]
 
 
 class ServoLaw(Protocol):

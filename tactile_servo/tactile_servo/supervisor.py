@@ -79,7 +79,7 @@ class Supervisor:
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         """Process a contact estimate, its image's stamp [ns] and its steady arrival time [s]."""
         self.inputs.see_contact(contact, stamp_ns, arrival)
-        self._tell(stamp_ns, arrival, contact=contact)
+        self._observe(stamp_ns, arrival, contact=contact)
 
     def see_image(self, image: TactileImage, arrival: float) -> None:
         """
@@ -93,9 +93,9 @@ class Supervisor:
         self.inputs.watch.see(image, loaded, self.inputs.pose[:3, 3])
         self._image = image
         if self.active and self.law.sees_images:
-            self._tell(image.stamp_ns, arrival, image=image)
+            self._observe(image.stamp_ns, arrival, image=image)
 
-    def _tell(self, stamp_ns: int, arrival: float, image: TactileImage | None = None,
+    def _observe(self, stamp_ns: int, arrival: float, image: TactileImage | None = None,
               contact: Contact | None = None) -> None:
         self.law.observe(Observation(
             stamp_ns, arrival, self.inputs.age(stamp_ns), self.inputs.pose_at, image, contact))

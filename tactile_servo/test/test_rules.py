@@ -66,7 +66,7 @@ def test_a_robot_that_must_be_asked_is_not_moved_by_a_rule_without_it():
 
 
 @pytest.mark.parametrize('end', [GoalRun._end, GoalRun._lift])
-@pytest.mark.parametrize('phase', HELD - {Phase.WAITING})
+@pytest.mark.parametrize('phase', [it for it in Phase if it in HELD - {Phase.WAITING}])
 def test_an_end_does_not_move_a_robot_that_must_be_asked_or_still_moves(end, phase):
     run = object.__new__(GoalRun)
     run.phase, run._why, run._found = phase, None, None

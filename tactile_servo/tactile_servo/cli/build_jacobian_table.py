@@ -5,9 +5,7 @@ The features come from a model of the probe.
 """
 import argparse
 from dataclasses import fields
-import json
 import sys
-import time
 from typing import Any
 
 import numpy as np
@@ -48,20 +46,18 @@ def parser() -> argparse.ArgumentParser:
     add('--rows', type=int, default=16, help='of tactels [%(default)s]')
     add('--columns', type=int, default=16, help='of tactels [%(default)s]')
     add('--pitch', type=float, default=0.0254 / 16, help='of the tactels [%(default)s m]')
-    for kind in (Dome, SkinConfig, Increments):
+    for kind in (Dome, SkinConfig):
         for field in fields(kind):
             unit = field.metadata['unit']
             add('--' + _option(kind, field.name), type=type(field.default),
                 default=field.default,
                 help=f'{field.metadata["doc"]} [{field.default:g}{" " + unit if unit else ""}]')
-    add('--json', action='store_true', help='print one JSON object')
     return found
 
 
 def _option(kind: type, name: str) -> str:
-    """Return the option of a field, with a prefix for those of the skin and of the increments."""
-    prefix = {Increments: 'step-', SkinConfig: 'skin-'}.get(kind, '')
-    return prefix + name.replace('_', '-')
+    """Return the option of a field, with a prefix for those of the skin."""
+    return ('skin-' if kind is SkinConfig else '') + name.replace('_', '-')
 
 
 def _settings(kind: Any, options: argparse.Namespace) -> Any:
@@ -71,7 +67,7 @@ def _settings(kind: Any, options: argparse.Namespace) -> Any:
 
 def make(options: argparse.Namespace) -> JacobianTable:
     """Build the table that the options describe."""
-    kind, increments = FeatureKind(options.features), _settings(Increments, options)
+    kind = FeatureKind(options.features)
     array = TactelArray(options.rows, options.columns, options.pitch, options.pitch)
     half_x, half_y = array.half_width_x, array.half_width_y
     if options.across < 1 or min(options.forces) <= 0.0:
@@ -82,13 +78,12 @@ def make(options: argparse.Namespace) -> JacobianTable:
         skin = _settings(SkinConfig, options)
         model = FiniteElementDome(dome, array, operator_for(dome, skin, array))
     contacts = grid(half_x, half_y, options.across, options.forces)
-    return build_table(ModelFeatures(model, array, kind), kind, contacts, increments,
+    return build_table(ModelFeatures(model, array, kind), kind, contacts, Increments(),
                        0.5 * (half_x + half_y))
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command."""
-    begin = time.perf_counter()
     try:
         options = parser().parse_args(argv)
         table = make(options)
@@ -96,16 +91,9 @@ def main(argv: list[str] | None = None) -> int:
     except (TactileError, OSError) as error:
         print(f'build_jacobian_table: {error}', file=sys.stderr)
         return 2
-    told = {'entries': len(table.contacts), 'usable': int(table.usable.sum()),
-            'features': table.kind.value, 'condition_median': float(np.median(table.condition)),
-            'condition_usable_max': float(table.condition[table.usable].max()),
-            'seconds': time.perf_counter() - begin}
-    if options.json:
-        print(json.dumps(told))
-    else:
-        print(f'{told["entries"]} entries of {told["features"]}, {told["usable"]} usable; '
-              f'condition {told["condition_median"]:.2f} in the median, '
-              f'{told["condition_usable_max"]:.1f} at most; {told["seconds"]:.2f} s')
+    print(f'{len(table.contacts)} entries of {table.kind.value}, {table.usable.sum()} usable; '
+          f'condition {np.median(table.condition):.2f} in the median, '
+          f'{table.condition[table.usable].max():.1f} at most')
     return 0
 
 

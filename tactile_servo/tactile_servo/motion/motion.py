@@ -68,19 +68,7 @@ class Commanded(NamedTuple):
 
 
 class Motion:
-    """
-    Commanded state of the robot, updated by twists.
-
-    The commanded state is NaN before the first `seed`.
-
-    Attributes
-    ----------
-    blocked : str
-        Joint limit, singularity or workspace that has prevented (nearly) all of the wanted motion
-        for a second; empty while the robot moves.
-    delay : WindowDelay
-        Delay of the windows.
-    """
+    """Commanded state of the robot, updated by twists; NaN before the first `seed`."""
 
     def __init__(self, robot: RobotModel, limits: JointLimits, period: float,
                  workspace: WorkspaceBox | None = None):
@@ -93,7 +81,10 @@ class Motion:
                               np.full((4, 4), np.nan), np.full((6, len(unknown)), np.nan), unknown)
         self._before: Commanded | None = None  # the previous window
         self._stamped = True
-        self._held_back, self.blocked, self.delay = 0.0, '', WindowDelay()
+        self.delay, self._held_back = WindowDelay(), 0.0
+        # Joint limit, singularity or workspace that has prevented (nearly) all of the wanted
+        # motion for a second; empty while the robot moves.
+        self.blocked = ''
         self._limit, self._since_limit = '', math.inf  # last position limit, time since then [s]
 
     @property
@@ -143,13 +134,11 @@ class Motion:
 
     def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
         """
-        Return the pace that all joints allow along a direction.
+        Return the pace that all joints allow along `way`, a twist (6,) per unit of path.
 
-        The direction `way` is a twist (6,) of the sensor per unit of path. It stays constant, so
-        the joint velocities change as the arm moves. The share `bending` of the joints'
-        acceleration is available for this and bounds the speed. The acceleration that
-        remains at `speed` is that of the pace. There is no damping, because it would change the
-        direction at a singularity.
+        The joint velocities change as the arm moves. The share `bending` of the joints'
+        acceleration is available for this and bounds the speed; what remains at `speed` is the
+        acceleration of the pace. There is no damping: at a singularity it would change the way.
         """
         limits, joints, jacobian = self._limits, self.positions, self._now.jacobian
         rates, _ = damped_least_squares(jacobian, way, damping=UNDAMPED)
@@ -193,9 +182,7 @@ class Motion:
         """
         Increase the committed time to this lateness of windows [s], up to LONGEST_COMMITTED.
 
-        A larger delay that was measured increases it further, see `WindowDelay`. The committed
-        time may change between commands, because every window begins with the remaining part of
-        the previous one.
+        A larger delay that was measured increases it further, see `WindowDelay`.
         """
         self._ahead = max(COMMITTED, min(lateness, LONGEST_COMMITTED), self.delay.needed)
 

@@ -26,14 +26,14 @@ class GoalServer:
     """
 
     def __init__(self, node: Node, servo: Supervisor, name: str, base_frame: str,
-                 look_around: Callable[[], None]):
-        self._look_around = look_around  # called before a goal is checked
+                 check_surroundings: Callable[[], None]):
+        self._check_surroundings = check_surroundings  # called before a goal is checked
         self._logger, self._servo, self._base_frame = node.get_logger(), servo, base_frame
         self._action = ACTIONS[name]
         self._goal: Any = None  # handle of the active goal
         self._ended = True  # whether the servo has ended it
         self._started = self._reported = float('-inf')  # steady times of start and feedback [s]
-        self.told = True  # whether the results of all accepted goals have been sent
+        self.all_sent = True  # whether the results of all accepted goals have been sent
         self._refusals: dict[bytes, Reason] = {}  # by id, of accepted goals that could not start
         self._server = ActionServer(
             node, self._action.type, name, self._finish, goal_callback=self._on_goal,
@@ -42,7 +42,7 @@ class GoalServer:
 
     def report(self, msg: ServoStatus) -> None:
         """Publish feedback after a cycle, and end the goal if the servo has ended it."""
-        self.told = self._goal is None  # it ended a cycle ago, so the result has been sent
+        self.all_sent = self._goal is None  # it ended a cycle ago, so the result has been sent
         if self._ended:
             return
         now = perf_counter()
@@ -54,7 +54,7 @@ class GoalServer:
             self._goal.publish_feedback(self._action.feedback_to_msg(msg))
 
     def _on_goal(self, request: Any) -> GoalResponse:
-        self._look_around()
+        self._check_surroundings()
         refusal = self._servo.check(self._action.goal_from_msg(request))
         if refusal is None:
             return GoalResponse.ACCEPT
@@ -84,7 +84,7 @@ class GoalServer:
             goal_handle.execute()
         else:
             self._goal, self._started, self._reported = goal_handle, now, now - FEEDBACK_PERIOD
-            self._ended = self.told = False
+            self._ended = self.all_sent = False
             if not self._servo.inputs.wrist.heard:
                 self._logger.info(
                     'goal accepted; without a force at the wrist (parameter wrist) a pad that '

@@ -32,14 +32,14 @@ class GraphGuard:
         self._node, self._see_reference = node, see_reference
         self._topics = sorted({*map(node.resolve_topic_name, topics)}
                               - {*map(node.resolve_topic_name, shared)})
-        self._heard: float | None = None  # steady time of the controller's last state [s]
+        self._state_arrival: float | None = None  # steady time of the controller's last state [s]
         if JointTrajectoryControllerState is not None:
             node.create_subscription(
                 JointTrajectoryControllerState, f'{controller}/controller_state', self._on_state,
                 qos_profile_sensor_data)
 
     def _on_state(self, msg: Any) -> None:
-        self._heard = perf_counter()
+        self._state_arrival = perf_counter()
         self._see_reference(JointState(
             header=msg.header, name=msg.joint_names, position=msg.reference.positions))
 
@@ -49,6 +49,6 @@ class GraphGuard:
             count = self._node.count_publishers(topic)
             if count > 1:
                 return Reason(ReasonCode.SEVERAL_PUBLISHERS, f'{topic} has {count}')
-        if self._heard is not None and perf_counter() - self._heard > SILENT:
+        if self._state_arrival is not None and perf_counter() - self._state_arrival > SILENT:
             return Reason(ReasonCode.CONTROLLER_INACTIVE, f'no state for {SILENT:g} s')
         return None

@@ -27,7 +27,7 @@ class Pace:
     period: float
     last: float = -math.inf  # start of the last cycle
     due: float = -math.inf  # start of the next cycle if no image arrives
-    picture: float = -math.inf  # arrival of the newest image
+    image: float = -math.inf  # arrival of the newest image
     gap: float = math.inf  # mean time between images
     cycles: int = 0
     lost: float = 0.0  # total lateness of cycles, in periods
@@ -36,7 +36,7 @@ class Pace:
 
     def hear(self, now: float) -> bool:
         """Record the arrival of an image; return whether it starts a cycle."""
-        since, self.picture = now - self.picture, now
+        since, self.image = now - self.image, now
         # A missing image, or an interruption, changes the mean only little.
         self.gap = since if self.gap == math.inf else (
             self.gap + SMOOTHING * (min(since, 2.0 * self.gap) - self.gap))
@@ -65,7 +65,7 @@ class Pace:
         """Record the end of a cycle and its processor time; return the wait for the next [s]."""
         self.longest = max(self.longest, now - self.last)
         self.costs.append(cost)
-        expected = self.picture + self.gap
+        expected = self.image + self.gap
         if self._slow and (
                 expected - EARLY * self.period < self.due < expected + LATE * self.period):
             self.due = expected + LATE * self.period

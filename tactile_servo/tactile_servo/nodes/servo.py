@@ -53,7 +53,7 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @dataclass
-class Heard:
+class Pending:
     """Newest unprocessed inputs with arrival times [s]; image and contact are serialized."""
 
     image: tuple[Any, float] | None = None
@@ -62,10 +62,10 @@ class Heard:
 
 
 @dataclass
-class Telling:
+class StatusTiming:
     """When to publish the status, and the latency from image to command; times in s."""
 
-    told: tuple[Any, Any] | None = None  # state and reason that were last published
+    published: tuple[Any, Any] | None = None  # state and reason that were last published
     next: float = -math.inf  # when the same state and reason are published again
     used_ns: int = 0  # stamp of the newest image that was used
     latency: float = math.nan  # from that stamp to the first command; NaN if there was none
@@ -73,12 +73,12 @@ class Telling:
     def due(self, now: float, status: Status) -> bool:
         """Return whether to publish a status now."""
         news = status.state, status.reason
-        if news == self.told and now < self.next:
+        if news == self.published and now < self.next:
             return False
-        self.told, self.next = news, max(self.next + STATUS_PERIOD, now)
+        self.published, self.next = news, max(self.next + STATUS_PERIOD, now)
         return True
 
-    def use(self, stamp_ns: int, commanded: bool, now_ns: float) -> None:
+    def record_image(self, stamp_ns: int, commanded: bool, now_ns: float) -> None:
         """Record the stamp of the image that a cycle used, and whether it sent a command."""
         if stamp_ns != self.used_ns:
             self.used_ns = stamp_ns
@@ -113,9 +113,9 @@ class EdgeServoNode(TactileNode):
         follow_changes(self, law.config_type, self._servo.retune)
         self.texts = {'robot_description': self._model.urdf}
         compile_kernels()
-        self._pace, self._heard = Pace(1.0 / servo_config.rate), Heard()
+        self._pace, self._pending = Pace(1.0 / servo_config.rate), Pending()
         self._status_msg, self._pose_msg = ServoStatus(), PoseStamped()
-        self._telling = Telling()
+        self._status_timing = StatusTiming()
         self._status_msg.header.frame_id = config.tip_frame
         self._pose_msg.header.frame_id = self._model.root_frame
 
@@ -137,7 +137,7 @@ class EdgeServoNode(TactileNode):
         if isinstance(self._servo.law, Teachable):
             self.create_service(TeachFeatures, '~/teach', self._on_teach)
         self._server = GoalServer(self, self._servo, law_named(config.law).action,
-                                  self._model.root_frame, self._look_around)
+                                  self._model.root_frame, self._check_surroundings)
         # A steady clock, so that the watchdogs run even if simulated time stands still.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(self._pace.period, self._on_timer, clock=steady)
@@ -146,13 +146,13 @@ class EdgeServoNode(TactileNode):
         self._guard = GraphGuard(
             self, ('image', 'contact', '/joint_states', self._trajectory.topic),
             config.shared_topics, config.controller, self._on_reference)
-        self.create_timer(GUARD_PERIOD, self._look_around, clock=steady)
+        self.create_timer(GUARD_PERIOD, self._check_surroundings, clock=steady)
         self.add_on_set_parameters_callback(_keep_the_clock)
 
     def _simulated_ns(self) -> int:
         return self.get_clock().now().nanoseconds
 
-    def _look_around(self) -> None:
+    def _check_surroundings(self) -> None:
         wrist, servo = self._wrist, self._servo
         silent = Reason(ReasonCode.NO_WRENCH, wrist.topic_name) if (
             wrist is not None and not servo.inputs.wrist.heard) else None
@@ -166,7 +166,7 @@ class EdgeServoNode(TactileNode):
     @property
     def stopped(self) -> bool:
         """Whether the node was asked to stop and the result of its goal has been sent."""
-        return self._stopping is not None and self._server is not None and self._server.told
+        return self._stopping is not None and self._server is not None and self._server.all_sent
 
     def _warn(self, text: str) -> None:
         self.get_logger().warning(text, throttle_duration_sec=5.0)
@@ -219,28 +219,28 @@ class EdgeServoNode(TactileNode):
 
     def _on_wrench(self, msg: WrenchStamped) -> None:
         force = msg.wrench.force
-        self._heard.force = np.array([force.x, force.y, force.z]), perf_counter()
+        self._pending.force = np.array([force.x, force.y, force.z]), perf_counter()
 
     def _on_contact(self, raw: bytes) -> None:
-        self._heard.contact = raw, perf_counter()
+        self._pending.contact = raw, perf_counter()
         if not self._servo.law.sees_images:
-            self._on_picture(self._heard.contact[1])
+            self._on_trigger(self._pending.contact[1])
 
     def _on_image(self, raw: bytes) -> None:
-        self._heard.image = raw, perf_counter()
+        self._pending.image = raw, perf_counter()
         if self._servo.law.sees_images:
-            self._on_picture(self._heard.image[1])
+            self._on_trigger(self._pending.image[1])
 
-    def _on_picture(self, arrival: float) -> None:
+    def _on_trigger(self, arrival: float) -> None:
         if self._pace.hear(arrival):
             self._on_cycle()
 
-    def _look(self) -> None:
+    def _process_inputs(self) -> None:
         """Unpack the newest inputs and pass them to the servo."""
         # The image first, because a law refines an image that it has processed by its contact.
-        heard, self._heard = self._heard, Heard()
-        if heard.image is not None:
-            raw, arrival = heard.image
+        pending, self._pending = self._pending, Pending()
+        if pending.image is not None:
+            raw, arrival = pending.image
             try:
                 image = image_from_msg(unpacked(raw, TactileImage))
                 self._servo.see_image(image, arrival)
@@ -251,10 +251,10 @@ class EdgeServoNode(TactileNode):
                 self._servo.inputs.refused = getattr(
                     error, 'reason', Reason(ReasonCode.BAD_IMAGE, str(error)))
                 self._warn(f'image ignored: {error}')
-        if heard.force is not None:
-            self._servo.see_wrench(*heard.force)
-        if heard.contact is not None:
-            raw, arrival = heard.contact
+        if pending.force is not None:
+            self._servo.see_wrench(*pending.force)
+        if pending.contact is not None:
+            raw, arrival = pending.contact
             try:
                 msg = unpacked(raw, ContactMsg)
                 self._check_frame(msg)
@@ -271,7 +271,7 @@ class EdgeServoNode(TactileNode):
     def _on_cycle(self) -> None:
         now, begin, pace = perf_counter(), thread_time(), self._pace
         pace.begin(now)
-        self._look()
+        self._process_inputs()
         now_ns = self._now_ns()
         status, trajectory = self._servo.cycle(now, now_ns)
         if trajectory is not None and not self._servo.motion.in_time(
@@ -281,24 +281,24 @@ class EdgeServoNode(TactileNode):
         if trajectory is not None:
             self._trajectory.publish(trajectory_to_msg(trajectory))
         sent = perf_counter()
-        self._telling.use(status.contact_stamp_ns, trajectory is not None,
+        self._status_timing.record_image(status.contact_stamp_ns, trajectory is not None,
                           now_ns + NS * (sent - now))
-        if self._telling.due(sent, status):
+        if self._status_timing.due(sent, status):
             msg = status_to_msg(status, self._servo.law.name,
-                                pace.timing(sent, self._telling.latency), self._status_msg)
+                                pace.timing(sent, self._status_timing.latency), self._status_msg)
             set_stamp(msg.header.stamp, now_ns)
             self._status.publish(msg)
             self._servo.journal.add(Call.STATUS)
         if self._server is not None:
             self._server.report(self._status_msg)
         if len(self._servo.journal.call) >= JOURNAL_LENGTH:
-            self._tell_calls(now_ns)
+            self._publish_calls(now_ns)
         # The timer starts the next cycle if no image does so before.
         wait = pace.end(perf_counter(), thread_time() - begin)
         self._timer.timer_period_ns = round(NS * wait)
         self._timer.reset()
 
-    def _tell_calls(self, now_ns: int) -> None:
+    def _publish_calls(self, now_ns: int) -> None:
         self._calls.publish(journal_to_msg(
             self._servo.take_journal(), now_ns, self._status_msg.header.frame_id))
 
@@ -329,7 +329,7 @@ class EdgeServoNode(TactileNode):
         if self._server is not None:
             self._server.destroy()
             if self.context.ok():
-                self._tell_calls(self._now_ns())
+                self._publish_calls(self._now_ns())
         super().destroy_node()
 
 
