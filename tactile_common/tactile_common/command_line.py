@@ -55,14 +55,17 @@ def version_of_all() -> str:
         return 'of a source tree that is not installed'
 
 
-def picture_file(text: str) -> Path:
-    """Convert the text of an option to the path of a picture to write; its folder must exist."""
-    path = Path(text)
-    if path.suffix.lower() not in PICTURES:
-        raise argparse.ArgumentTypeError(f'{text}: must end in one of {", ".join(PICTURES)}')
-    if not path.parent.is_dir():
-        raise argparse.ArgumentTypeError(f'{text}: there is no such folder')
-    return path
+def file_to_write(*endings: str) -> Callable[[str], Path]:
+    """Return the type of an option: a file with one of the endings in a folder that exists."""
+    def convert(text: str) -> Path:
+        path = Path(text)
+        if path.suffix.lower() not in endings:
+            raise argparse.ArgumentTypeError(f'{text}: must end in {" or ".join(endings)}')
+        if path.is_dir() or not path.parent.is_dir():
+            why = 'is a folder' if path.is_dir() else 'there is no such folder'
+            raise argparse.ArgumentTypeError(f'{text}: {why}')
+        return path
+    return convert
 
 
 @contextmanager

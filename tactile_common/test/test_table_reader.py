@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_common.table_reader import TableReader
+from tactile_common.npz_stream import TableReader
 
 
 def read(path):
@@ -41,12 +41,12 @@ def test_integers_are_told_from_real_numbers(tmp_path):
 
 @pytest.mark.parametrize('data, words', [
     (b'', 'holds no row of numbers'), (b'a,b\n', 'holds no row of numbers'),
-    (b'a,b\nc,d\n1,2\n', 'line 2 is not a row of numbers'),
-    (b'1,2\n3\n', 'line 2 has 1 numbers, the first row has 2'),
-    (b'1,2\n3,\n', "line 2 could not convert string to float: b''"),
-    (b'1,2\n3,x\n', 'line 2 could not convert'),
-    (b'\x00\xff\n\x01\n', 'line 2 is not a row of numbers'),
-    (b'1,' * 3_000_000, 'line 1 is longer than 4194304 bytes'),
+    (b'a,b\nc,d\n1,2\n', "could not convert string 'c'"),
+    (b'1,2\n3\n', 'the number of columns changed from 2 to 1 at row 2'),
+    (b'1,2\n3,\n', "could not convert string ''"),
+    (b'1,2\n3,x\n', "could not convert string 'x' to float64 at row 1, column 2"),
+    (b'\x00\xff\n\x01\n', 'could not convert'),
+    (b'1,' * 40_000_000, 'the table (save it as .npy) would take 80 MB, at most 67 MB are read'),
 ])
 def test_what_is_no_table_is_named(tmp_path, data, words):
     path = tmp_path / 't.csv'

@@ -4,15 +4,14 @@ import argparse
 from collections.abc import Sequence
 from enum import IntEnum, IntFlag
 import os
-from pathlib import Path
 from textwrap import fill
 import time
 
 import numpy as np
 
-from tactile_common.command_line import between, Parser, run_command
+from tactile_common.command_line import between, file_to_write, Parser, run_command
 from tactile_common.errors import ConfigurationError
-from tactile_common.npz_stream import RecordWriter
+from tactile_common.npz_stream import write_records
 from tactile_common.progress import Progress
 from tactile_sensing.cli.estimate_sources import source_of
 from tactile_sensing.cli.options import add_pitch, add_shape, is_bag
@@ -105,7 +104,7 @@ def parser() -> argparse.ArgumentParser:
         help=f'stress component ({", ".join(COMPONENTS)}) and depth below the surface of the '
         'skin [m] of each layer in turn, for instance zz@0.002 or zz@0.002,xz@0.002 (default: '
         'pressure under a skin of which nothing is known)')
-    add('-o', '--out', required=True, metavar='OUT',
+    add('-o', '--out', required=True, metavar='OUT', type=file_to_write('.npz', '.csv'),
         help='file to write, .npz or .csv; replaced if it exists')
     add('--method',
         help=f'estimator: {", ".join(METHODS)} (default: {EstimatorConfig.method})')
@@ -149,25 +148,24 @@ def run(options: argparse.Namespace) -> str:
     """Estimate every frame of the input; return the summary."""
     source = source_of(options)
     estimator = ContactEstimator(make_config(options, source.tactel))
-    if Path(options.out).exists() and os.path.samefile(options.frames, options.out):
+    if options.out.exists() and os.path.samefile(options.frames, options.out):
         raise ConfigurationError(f'{options.out}: is the input as well')
-    total, done, refused = source.total, 0, 0
-    types, refusals = np.zeros(len(ContactType), int), np.zeros(len(REFUSALS), int)
-    with RecordWriter(options.out, source.dtype, total) as writer:
-        begin = time.perf_counter()
-        with Progress(total, QUIET) as progress:
-            for records in source.records(estimator):
-                done += len(records)
-                progress.show(done, 'estimate', f'{done} of {total} frames')
-                writer.append(records)
-                reasons = records['reasons'][~records['valid']]
-                refused += len(reasons)
-                types += np.bincount(records['type'], minlength=len(types))
-                refusals += np.array([np.count_nonzero(reasons & int(it)) for it in REFUSALS])
-        rate = total / max(time.perf_counter() - begin, 1e-9)
+    total, done = source.total, 0
+    rows, begin = np.zeros(total, source.dtype), time.perf_counter()
+    with Progress(total, QUIET) as progress:
+        for records in source.records(estimator):
+            rows[done:done + len(records)] = records
+            done += len(records)
+            progress.show(done, 'estimate', f'{done} of {total} frames')
+    rate = total / max(time.perf_counter() - begin, 1e-9)
+    write_records(options.out, rows)
+    reasons = rows['reasons'][~rows['valid']]
+    types = np.bincount(rows['type'], minlength=len(ContactType))
+    refusals = np.array([np.count_nonzero(reasons & int(it)) for it in REFUSALS])
     why = _counted(REFUSALS, refusals)
     return (f'{options.out}: {total} frames, {rate:.0f} frames/s; '
-            f'{_counted(list(ContactType), types)}; {refused} not valid' + f': {why}' * bool(why))
+            f'{_counted(list(ContactType), types)}; {len(reasons)} not valid'
+            + f': {why}' * bool(why))
 
 
 def main(args: list[str] | None = None) -> int:

@@ -9,8 +9,13 @@ from typing import Any
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
-from tactile_common.npz_stream import ArrayReader, MAX_WHOLE, read_arrays, scalar
-from tactile_common.table_reader import TableReader
+from tactile_common.npz_stream import (
+    ArrayReader,
+    MAX_WHOLE,
+    read_arrays,
+    scalar,
+    TableReader,
+)
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.frame_clock import MAX_RATE
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_common.command_line import between, Help, Parser, picture_file, refusing
+from tactile_common.command_line import between, file_to_write, Help, Parser, PICTURES, refusing
 from tactile_common.errors import ConfigurationError
 from tactile_common.parameter_file import ParameterFile, parameters_of
 from tactile_sensing.contact.estimator import EstimatorConfig
@@ -74,7 +74,7 @@ def parser() -> argparse.ArgumentParser:
              'those farthest from singularities and limits')
     add('--timeout', type=between(0.0, 1e4, 's'), default=300.0, help='simulated time [s]')
     add('--json', action='store_true', help='print one JSON object, SI units')
-    add('--plot', metavar='FILE.png', type=picture_file,
+    add('--plot', metavar='FILE.png', type=file_to_write(*PICTURES),
         help='draw the way of the pad over the edge or surface')
     return arguments
 
