@@ -19,7 +19,7 @@ CORE = ('tactile_common', 'tactile_sensing', 'tactile_shape', 'tactile_servo',
 # Only these modules of the core know ROS.
 WITH_ROS = ('*.conversions', '*.nodes', '*.nodes.*', 'tactile_common.ros', 'tactile_common.ros.*')
 # These may be loaded within a function of any module: off-line, bags are one format of several.
-BAGS = ('*.bag', '*.bag_reader', '*.bag_limits', '*.bag_salvage', '*.bag_writer', '*.observations')
+BAGS = ('*.bag', '*.bag_reader', '*.bag_storage', '*.bag_writer', '*.observations')
 ROS = ('rclpy', 'builtin_interfaces', 'rcl_interfaces', 'std_srvs', 'ament_index_python', 'launch',
        'launch_ros', '*_msgs')
 # What only off-line work needs, and the modules that may load it when they are imported.

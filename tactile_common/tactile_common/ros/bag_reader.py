@@ -17,8 +17,7 @@ from rosbags.typesys import (
 )
 
 from tactile_common.errors import ConfigurationError
-from tactile_common.ros.bag_limits import bound_chunks, check_text, check_types
-from tactile_common.ros.bag_salvage import open_whole
+from tactile_common.ros.bag_storage import check_types, MAX_DEFINITION, open_bag
 from tactile_common.ros.cdr import DAMAGE, deserialised, register, stamp_of
 from tactile_common.ros.message_definitions import definition, definition_of, SEPARATOR
 from tactile_common.yaml_file import read_yaml
@@ -48,12 +47,11 @@ class Bag:
     def __init__(self, path: str | PathLike):
         self.path = Path(path)
         with self.clear_errors():
-            bound_chunks()
             if (self.path / 'metadata.yaml').exists():
                 read_yaml(self.path / 'metadata.yaml')  # checks the limits before rosbags reads it
-            self._reader = open_whole(self.path)
-            self._topics = {connection.topic: connection.msgtype
-                            for connection in self._reader.connections}
+            self._reader = open_bag(self.path)
+            self.topics = {connection.topic: connection.msgtype  # message type by topic
+                           for connection in self._reader.connections}
         self._types = get_typestore(Stores.EMPTY)
 
     def __enter__(self) -> 'Bag':
@@ -61,11 +59,6 @@ class Bag:
 
     def __exit__(self, *_: Any) -> None:
         self._reader.close()
-
-    @property
-    def topics(self) -> dict[str, str]:
-        """Message type by topic."""
-        return self._topics
 
     @property
     def span(self) -> tuple[int, int]:
@@ -123,20 +116,14 @@ class Bag:
             for connection in wanted:
                 self._learn(connection)
             missing = sum(connection.msgcount for connection in wanted)
-            last, silence, where = 0, 0, 0  # longest gap: messages may be lost there
             for connection, time_ns, data in self._rows(wanted):
                 missing -= 1
-                if last and time_ns - last > silence:
-                    silence, where = time_ns - last, last
-                last = time_ns
                 row = Recorded(connection.topic, time_ns, data)
                 yield row if raw else Recorded(*row[:2], self.unpacked(row))
             if self._reader.cut:
                 raise ConfigurationError(self._reader.cut)
             if missing > 0:  # the reader skips records that it does not understand
-                raise ConfigurationError(
-                    f'{missing} messages in it are lost, where it is silent longest from '
-                    f'{1e-9 * where:.3f} s on')
+                raise ConfigurationError(f'{missing} messages in it are lost')
 
     def _rows(self, wanted: list[Any]) -> Iterator[tuple[Any, int, Any]]:
         last = 0
@@ -187,7 +174,9 @@ class Bag:
 
     def _learn(self, connection: Any) -> None:
         name, (kind, text) = connection.msgtype, connection.msgdef
-        check_text(name, text)
+        if len(text) > MAX_DEFINITION:
+            raise ConfigurationError(f'the definition of {name} has {len(text)} characters, at '
+                                     f'most {MAX_DEFINITION} are read')
         if kind == MessageDefinitionFormat.NONE:
             types = get_types_from_msg(definition(name).text, name)
         elif kind == MessageDefinitionFormat.MSG:
@@ -198,7 +187,7 @@ class Bag:
                 body = part.split('\n', 1)[1] if part.startswith('IDL: ') else part
                 if body.strip():
                     types |= get_types_from_idl(body)
-        check_types(types, self._types.fielddefs)
+        check_types(types)
         register(self._types, types)
 
     @contextmanager
