@@ -6,28 +6,24 @@ calls. A separate folder for every state of the sources keeps its cache valid. E
 a kernel imports `njit` from here, so that the folder is set before anything is compiled.
 
 `compile_kernels`, also a command, fills that folder, so that the first start need not wait.
-Without it, a line on the terminal says when kernels are compiled.
 """
 from collections.abc import Iterator
 from concurrent.futures import as_completed, ProcessPoolExecutor
-from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from multiprocessing import get_context
 import os
 from pathlib import Path
-import pickle
 import re
 import shutil
 import signal
 import sys
 import time
 from typing import Any
-import warnings
 import zlib
 
 from numba import config, njit
-from numba.core import caching, event
+from numba.core import event
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 __all__ = ['FAST', 'njit', 'to_fixed_tuple']
@@ -74,25 +70,20 @@ def cache_folder() -> Path:
                 source = path.read_bytes()
                 if COMPILED.search(source):
                     digest = zlib.crc32(source, digest)
-    root = os.environ.get('NUMBA_CACHE_DIR') or Path(
-        os.environ.get('XDG_CACHE_HOME') or '~/.cache', 'tactile_kernels').expanduser()
-    return Path(root, f'{digest:08x}')
+    root = os.environ.get('NUMBA_CACHE_DIR') or os.environ.get('XDG_CACHE_HOME') or '~/.cache'
+    return Path(root, 'tactile_kernels', f'{digest:08x}').expanduser()
 
 
 def compile_kernels() -> Iterator[tuple[str, float]]:
     """
-    Compile the kernels of every installed package, and delete those of earlier sources.
+    Compile the kernels of every installed package anew; those compiled before are deleted.
 
     A package with kernels has a module `compile_kernels` with a function of that name, which calls
     each kernel once. Each package is compiled in a separate process. Yields the name of each
     package and its time [s].
     """
     folder = cache_folder()
-    for other in folder.parent.glob('*'):
-        if other != folder and re.fullmatch('[0-9a-f]{8}', other.name) and all(
-                re.search(r'\.nb[ic](\.tmp\.\w+)?$', path.name)
-                for path in other.rglob('*') if not path.is_dir()):
-            shutil.rmtree(other, ignore_errors=True)
+    shutil.rmtree(folder.parent, ignore_errors=True)
     with ProcessPoolExecutor(mp_context=get_context('spawn'), initializer=signal.signal,
                              initargs=(signal.SIGINT, signal.SIG_IGN)) as pool:
         done = [pool.submit(_compile, package, str(folder)) for package in PACKAGES
@@ -112,58 +103,18 @@ def _compile(package: str, folder: str) -> tuple[str, float]:
 def main() -> int:
     """Compile all kernels and print one line for each package."""
     # Imported here, because every kernel imports this module.
-    from tqdm import tqdm
-
     from tactile_common.command_line import Parser, refusing
 
     with refusing('compile_kernels') as command:
         Parser(prog='compile_kernels', description='Compiles every kernel of the installed '
                'packages; else they are compiled when they are first used.').parse_args()
         print(f'kernels go to {cache_folder()}', file=sys.stderr)
-        with tqdm(compile_kernels(), unit=' packages', disable=None) as packages:
-            for package, seconds in packages:
-                packages.write(f'{package}: {seconds:.1f} s', file=sys.stderr)
+        for package, seconds in compile_kernels():
+            print(f'{package}: {seconds:.1f} s', file=sys.stderr)
     return command.status
 
 
-def _own(folder: Path) -> Path:
-    """Make a folder; warn if other users may write to it, because its code is run."""
-    with suppress(OSError):
-        folder.mkdir(mode=0o755, parents=True, exist_ok=True)
-        state = folder.stat()
-        if state.st_uid not in (0, os.geteuid()) or state.st_mode & 0o022:
-            warnings.warn(f'{folder}: others may write there, and what they write is run: chown '
-                          'it, chmod go-w, or set NUMBA_CACHE_DIR', RuntimeWarning, stacklevel=2)
-    return folder
-
-
-class _CacheFile(caching.IndexDataCacheFile):
-    """Files of compiled code with a checksum; damaged files are treated as missing."""
-
-    def _dump(self, obj: Any) -> bytes:
-        raw = super()._dump(obj)
-        return raw + zlib.crc32(raw).to_bytes(4, 'little')
-
-    def _sound(self, path: str) -> bool:
-        # Unpickling damaged data can raise any exception.
-        with suppress(Exception), open(path, 'rb') as file:
-            if path == self._index_path:
-                pickle.load(file)  # skip the version at the start
-            body = file.read()
-            return len(body) > 4 and zlib.crc32(body[:-4]).to_bytes(4, 'little') == body[-4:]
-        return False
-
-    def _load_index(self) -> dict:
-        return super()._load_index() if self._sound(self._index_path) else {}
-
-    def _load_data(self, name: str) -> Any:
-        if not self._sound(self._data_path(name)):
-            raise FileNotFoundError(name)
-        return super()._load_data(name)
-
-
-caching.IndexDataCacheFile = _CacheFile
-config.CACHE_DIR = str(_own(cache_folder()))
+config.CACHE_DIR = str(cache_folder())
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -1,4 +1,4 @@
-"""Progress display: one line on a terminal, occasional lines in a log."""
+"""Progress display: one line on a terminal, nothing in a log."""
 from collections.abc import Iterator
 from contextlib import contextmanager
 import math
@@ -9,13 +9,10 @@ from typing import TextIO
 
 from tqdm import tqdm
 
-_PERIOD = 0.1  # s between updates of the bar on a terminal
-_QUIET_PERIOD = 2.0  # s between lines if the output is not a terminal
-
 
 class Progress(tqdm):
     """
-    Progress bar of a total in any unit; use as a context manager.
+    Progress bar of a total in any unit, on a terminal; use as a context manager.
 
     It shows nothing for tasks shorter than the delay [s]. The default stream is sys.stderr.
     """
@@ -23,11 +20,9 @@ class Progress(tqdm):
     monitor_interval = 0  # no monitor thread
 
     def __init__(self, total: float, delay: float = 0.0, stream: TextIO | None = None):
-        stream = stream or sys.stderr
-        self._terminal, self._drawn = stream.isatty(), False
         super().__init__(
-            total=total, file=stream, delay=delay, miniters=0, leave=self._terminal,
-            mininterval=_PERIOD if self._terminal else _QUIET_PERIOD, dynamic_ncols=True,
+            total=total, file=stream or sys.stderr, disable=None, delay=delay, miniters=0,
+            dynamic_ncols=True,
             bar_format='{desc:9} |{bar:30}| {percentage:3.0f} % {elapsed}<{remaining}{postfix}')
 
     def show(self, done: float, state: str, text: str = '') -> None:
@@ -38,21 +33,6 @@ class Progress(tqdm):
             # At the very start the remaining time cannot be estimated.
             self.n = min(done, self.total) if done > 1e-3 * self.total else 0.0
         self.update(0)
-
-    def display(self, msg: str | None = None, pos: int | None = None) -> bool:
-        """Draw the bar; in a log as a separate line."""
-        self._drawn = True
-        if self._terminal:
-            return super().display(msg, pos)
-        if msg != '':  # '' would erase the line
-            self.fp.write(f'{self if msg is None else msg}\n')
-        return False
-
-    def close(self) -> None:
-        """Draw the final state if anything was drawn before."""
-        if not self.disable and self._drawn and not self._terminal:
-            self.display()
-        super().close()
 
 
 @contextmanager

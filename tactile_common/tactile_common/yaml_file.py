@@ -10,7 +10,6 @@ from tactile_common.errors import ConfigurationError
 MAX_BYTES = 1 << 20  # of a file; a table of 256 x 256 numbers takes half of it
 MAX_NODES = 70_000  # keys, values, lists and mappings of a file
 MAX_DEPTH = 32  # nested lists and mappings
-MAX_SCALAR = 10_000  # characters of one key or value
 # The C parser, if PyYAML has it, is ten times as fast; both refuse the same files.
 _Loader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 
@@ -30,19 +29,17 @@ def read_yaml(path: str | os.PathLike) -> Any:
     try:
         with open(path, 'rb') as stream:
             raw = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise ConfigurationError(f'cannot be read: {error.strerror or error}') from error
-    if len(raw) > MAX_BYTES:
-        raise ConfigurationError(f'has more than {MAX_BYTES} bytes, which is no such file')
-    try:
+        if len(raw) > MAX_BYTES:
+            raise ConfigurationError(f'has more than {MAX_BYTES} bytes, which is no such file')
         text = raw.decode('utf-8')
-    except UnicodeDecodeError as error:
-        raise ConfigurationError('cannot be read: not a text in UTF-8') from error
-    try:
         _check(yaml.parse(text, Loader=_Loader))
         return yaml.load(text, Loader=_Loader)
     except ConfigurationError:
         raise
+    except OSError as error:
+        raise ConfigurationError(f'cannot be read: {error.strerror or error}') from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError('cannot be read: not a text in UTF-8') from error
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
         reason = ' '.join(str(error).split())
         raise ConfigurationError(f'is not YAML: {reason:.300}') from error
@@ -52,21 +49,15 @@ def _check(events: Iterable[yaml.Event]) -> None:
     """Refuse a stream of events before any value is made from it."""
     nodes = depth = 0
     for event in events:
-        line = event.start_mark.line + 1
-        if isinstance(event, yaml.AliasEvent):
-            raise ConfigurationError(
-                f'line {line}: alias *{event.anchor}: aliases are refused, write the value out')
-        if isinstance(event, yaml.NodeEvent):
-            nodes += 1
-            if nodes > MAX_NODES:
-                raise ConfigurationError(
-                    f'line {line}: more than {MAX_NODES} values, which is no such file')
-        if isinstance(event, yaml.ScalarEvent) and len(event.value) > MAX_SCALAR:
-            raise ConfigurationError(
-                f'line {line}: a value of {len(event.value)} characters, at most {MAX_SCALAR} '
-                'are allowed')
+        nodes += isinstance(event, yaml.NodeEvent)
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > MAX_DEPTH:
-            raise ConfigurationError(
-                f'line {line}: more than {MAX_DEPTH} lists or mappings in each other')
+        if isinstance(event, yaml.AliasEvent):
+            reason = f'alias *{event.anchor}: aliases are refused, write the value out'
+        elif nodes > MAX_NODES:
+            reason = f'more than {MAX_NODES} values, which is no such file'
+        elif depth > MAX_DEPTH:
+            reason = f'more than {MAX_DEPTH} lists or mappings in each other'
+        else:
+            continue
+        raise ConfigurationError(f'line {event.start_mark.line + 1}: {reason}')

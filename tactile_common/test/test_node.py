@@ -145,12 +145,12 @@ def test_an_executable_ends_quietly_whenever_it_is_interrupted_and_twice(
     assert (process.returncode, error) == (0, '')
 
 
-@pytest.mark.parametrize(('wait', 'status', 'text'), [
-    ('threading.Event().wait()', 0, 'stuck does not end; it waits\n'),
+@pytest.mark.parametrize('wait', [
+    'threading.Event().wait()',
     # A call that keeps the interpreter's lock, as those of rclpy do.
-    ('ctypes.PyDLL(None).sleep(60)', 1, 'Timeout (')], ids=['lock', 'middleware'])
+    'ctypes.PyDLL(None).sleep(60)'], ids=['lock', 'middleware'])
 def test_a_node_that_cannot_be_destroyed_ends_and_says_what_it_waits_for(
-        wait, status, text, tmp_path):
+        wait, tmp_path):
     (tmp_path / 'slow.py').write_text(
         'import ctypes, threading\n'
         'from tactile_common.ros.node import TactileNode\n'
@@ -168,8 +168,8 @@ def test_a_node_that_cannot_be_destroyed_ends_and_says_what_it_waits_for(
     assert process.stdout.readline() == '1\n'
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=DEADLINE)
-    assert process.returncode == status
-    assert error.startswith(text) and 'in destroy_node' in error
+    assert process.returncode == 1
+    assert error.startswith('Timeout (') and 'in destroy_node' in error
 
 
 def test_a_signal_as_an_executable_ends_changes_nothing(tmp_path):

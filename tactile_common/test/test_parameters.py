@@ -40,10 +40,10 @@ def declared():
     rclpy.init(context=context)
     nodes = []
 
-    def declare(given=None, **options):
+    def declare(given=None):
         overrides = [Parameter(name, value=value) for name, value in (given or {}).items()]
         nodes.append(Node('parameters', context=context, parameter_overrides=overrides))
-        return nodes[-1], declare_from(nodes[-1], Config, **options)
+        return nodes[-1], declare_from(nodes[-1], Config)
     yield declare
     for node in nodes:
         node.destroy_node()
@@ -57,12 +57,10 @@ def test_defaults_are_those_of_the_outer_class(declared):
     assert node.get_parameter('path.force.steps').value == 7
 
 
-def test_given_values_and_prefix(declared):
+def test_given_values(declared):
     _, config = declared({'force.gain': 5, 'path.force.gain': 6.0, 'path.cut': 0.0,
                           'method': 'moments', 'box': [3.0]})
     assert config == Config(Path(Force(6.0, 7), 0.0), Force(5.0), 'moments', (3.0,))
-    node, config = declared({'law.path.cut': 1e-4}, prefix='law.')
-    assert config.path.cut == 1e-4 and node.has_parameter('law.force.gain')
 
 
 def test_descriptors(declared):

@@ -16,28 +16,17 @@ from tactile_common.config import built, checked
 from tactile_common.errors import ConfigurationError
 
 
-def declare_from(node: Node, config_class: type, prefix: str = '', defaults: Any = None) -> Any:
+def declare_from(node: Node, config_class: type) -> Any:
     """
     Declare one parameter per field of a dataclass; return the dataclass with the user's values.
 
-    Parameters of a nested dataclass include its name and a dot, such as `force.gain`. Parameters
-    that are not `live` cannot be set while the node runs.
+    Every field of the frozen dataclass has a default and one of these types: `bool`, `int`,
+    `float`, `str`, `tuple` of one of them, or another such dataclass, whose parameters include its
+    name and a dot, such as `force.gain`. The metadata (see `tactile_common.config`) become the
+    parameters' descriptors. Parameters that are not `live` cannot be set while the node runs.
 
-    Parameters
-    ----------
-    config_class : type
-        Frozen dataclass. Every field has a default and one of these types: `bool`, `int`, `float`,
-        `str`, `tuple` of one of them, or another such dataclass. The metadata (see
-        `tactile_common.config`) become the parameters' descriptors.
-    prefix : str
-        Prefix of the parameter names.
-    defaults : config_class, optional
-        Values that replace the defaults of the fields.
-
-    Raises
-    ------
-    ConfigurationError
-        A value has the wrong type, is out of range or is refused by `config_class`.
+    Raises a ConfigurationError if a value has the wrong type, is out of range or is refused by
+    the dataclass.
     """
     def declare(name: str, default: Any, kind: Any, metadata: Mapping) -> Any:
         try:
@@ -48,7 +37,7 @@ def declare_from(node: Node, config_class: type, prefix: str = '', defaults: Any
             raise ConfigurationError(f"parameter '{name}': {error}") from error
         return checked(f"parameter '{name}'", parameter.value, kind, metadata)
 
-    return built(config_class, declare, prefix, defaults)
+    return built(config_class, declare)
 
 
 def follow_changes(node: Node, config_class: type, apply: Callable[[Any], None]) -> None:
@@ -59,10 +48,9 @@ def follow_changes(node: Node, config_class: type, apply: Callable[[Any], None])
     says why. The parameters must have been declared by `declare_from`.
     """
     def of(changed: Mapping[str, Any]) -> Any:
-        def value_of(name: str, _: Any, kind: Any, metadata: Mapping) -> Any:
-            value = changed[name] if name in changed else node.get_parameter(name).value
-            return checked(f"parameter '{name}'", value, kind, metadata)
-        return built(config_class, value_of)
+        return built(config_class, lambda name, _, kind, metadata: checked(
+            f"parameter '{name}'",
+            changed[name] if name in changed else node.get_parameter(name).value, kind, metadata))
 
     def check(parameters: list[Parameter]) -> SetParametersResult:
         try:

@@ -9,7 +9,6 @@ import os
 import re
 import signal
 import sys
-import threading
 import time
 import traceback
 from typing import Any
@@ -39,7 +38,6 @@ _MOST_ERRORS = 100
 _LAST_WORDS = 2.0  # s
 _DELIVERY = 0.2  # s for the last messages to leave; they are lost if their writer is destroyed
 _ENDING = 3.5  # s for a node to be destroyed; launch sends SIGTERM after 5 s, kills after 10
-_BLOCKED = 1.0  # s more, then it ends even if a call of the middleware blocks all threads
 
 
 def split_ros_args(args: list[str]) -> tuple[list[str], list[str]]:
@@ -124,13 +122,23 @@ def stop_on_signals() -> Iterator[Stop]:
     message nor be destroyed in order. Use it with `SignalHandlerOptions.NO`, in the main thread.
     """
     stop = Stop()
-    previous = {number: signal.signal(number, lambda *_: stop.set())
+    with _on_signals(lambda *_: stop.set()):
+        yield stop
+
+
+@contextmanager
+def _on_signals(handler: Callable[..., Any]) -> Iterator[None]:
+    previous = {number: signal.signal(number, handler)
                 for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield stop
+        yield
     finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+        for number, before in previous.items():
+            signal.signal(number, before)
+
+
+def _end_at_once(*_: Any) -> None:
+    os._exit(int(os.environ.get(INTERRUPTED, 0)))
 
 
 def run(node_class: Any, args: list[str] | None = None,
@@ -142,10 +150,10 @@ def run(node_class: Any, args: list[str] | None = None,
     `node_class` is called with `context` only. A `ValueError`, the base of every configuration
     error, means that a parameter is wrong. Without `args` those of the process are used; --help
     and --version are answered. `until(node)` returns True when the node's work is done.
-    `on_stop(node)` is called at a signal; the node then has two seconds to finish. If a signal
-    arrives while the node is being made (a minute if kernels are compiled), the process also ends
-    within two seconds. If the node is not destroyed within 3.5 s, the process prints what it waits
-    for and ends.
+    `on_stop(node)` is called at a signal; the node then has two seconds to finish. A signal that
+    arrives while the node is being made (a minute if kernels are compiled) ends the process at
+    once. If the node is not destroyed within 3.5 s after a signal, the process prints the stack of
+    every thread and ends with status 1.
     """
     context = rclpy.Context()
     try:
@@ -158,7 +166,7 @@ def run(node_class: Any, args: list[str] | None = None,
         except RuntimeError as error:  # a ROS argument or a parameter file that rcl cannot read
             return _refuse(node_class, error)
         try:
-            with _in_time(stop.is_set, _LAST_WORDS):
+            with _on_signals(_end_at_once):
                 node = node_class(context=context)
         except (ValueError, NameValidationException, ParameterException) as error:
             # The context destroys the incomplete node, which may lack attributes that this needs.
@@ -180,11 +188,13 @@ def run(node_class: Any, args: list[str] | None = None,
                 end = time.monotonic() + _DELIVERY
                 spin(executor, context, lambda: stop.is_set() or time.monotonic() > end)
         finally:
-            with _on_one_core(), _in_time(
-                    lambda: stopped, _ENDING, f'{node.get_name()} does not end; it waits'):
+            if stopped:  # by its own thread in C: rclpy may hold the interpreter's lock
+                faulthandler.dump_traceback_later(_ENDING, exit=True)
+            with _on_one_core():
                 executor.shutdown()  # first: no message may reach a destroyed node
                 node.destroy_node()
                 context.try_shutdown()
+            faulthandler.cancel_dump_traceback_later()
     return 0
 
 
@@ -215,36 +225,6 @@ def _keep_to(cores: set[int]) -> None:
     for thread in os.listdir('/proc/self/task'):
         with suppress(OSError):  # it has ended
             os.sched_setaffinity(int(thread), cores)
-
-
-@contextmanager
-def _in_time(stopped: Callable[[], bool], seconds: float, text: str = '') -> Iterator[None]:
-    """
-    End the process if the `with` block takes longer than `seconds` after `stopped()` is True.
-
-    With a text, the text and the stack of every thread are printed first. rclpy calls the
-    middleware with the interpreter's lock held. If such a call does not return, no other thread
-    runs; then, if `stopped()` was True at the start, the process ends a second later with
-    status 1.
-    """
-    done = threading.Event()
-    if stopped():
-        faulthandler.dump_traceback_later(seconds + _BLOCKED, exit=True)
-
-    def watch() -> None:
-        while not done.wait(_TICK):
-            if stopped() and not done.wait(seconds):
-                if text:
-                    print(text, file=sys.stderr, flush=True)
-                    faulthandler.dump_traceback()
-                os._exit(int(os.environ.get(INTERRUPTED, 0)))
-
-    threading.Thread(target=watch, daemon=True).start()
-    try:
-        yield
-    finally:
-        done.set()
-        faulthandler.cancel_dump_traceback_later()
 
 
 def _name_of(node_class: type) -> str:
