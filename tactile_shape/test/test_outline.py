@@ -117,6 +117,24 @@ def test_a_whole_circle_and_a_line():
     assert outline.sides[0].length == pytest.approx(np.hypot(0.1, 0.05), abs=5e-4)
 
 
+@pytest.mark.parametrize('start', [0, 30, 80, 140])
+def test_a_closed_contour_of_lines_and_arcs_wherever_it_begins(start):
+    """Two lines of 60 mm and two half circles of 20 mm radius; no corner."""
+    angle = np.arange(-0.5 * np.pi, 0.5 * np.pi, 1e-3 / 0.02)
+    half = 0.02 * np.column_stack([np.cos(angle), np.sin(angle)]) + [0.03, 0.0]
+    line = np.column_stack([np.arange(-0.03, 0.03, 1e-3), np.full(60, -0.02)])
+    oval = np.concatenate([line, half, -line, -half])
+    rng = np.random.default_rng(start)
+    outline = find_outline(lifted(np.roll(oval, -start, axis=0)
+                                  + rng.normal(0.0, 1e-5, oval.shape)))
+    assert outline.closed and len(outline.corners) == 0
+    assert sorted(side.kind for side in outline.sides) == ['arc', 'arc', 'line', 'line']
+    for side in outline.sides:
+        length, radius = (0.06, np.inf) if side.kind == 'line' else (0.02 * np.pi, 0.02)
+        assert side.radius == pytest.approx(radius, rel=0.01)
+        assert side.length == pytest.approx(length, abs=4e-3)
+
+
 @pytest.mark.parametrize('degrees', [12, 28, 40, 60, 90, 120])
 def test_open_corner(degrees):
     turn = np.radians(degrees)
@@ -140,6 +158,21 @@ def test_a_blunt_corner_that_the_skin_has_rounded_is_one_corner(reach):
     outline = find_outline(lifted(path + rng.normal(0.0, 1e-5, path.shape)))
     assert [side.kind for side in outline.sides] == ['line', 'line']
     np.testing.assert_allclose(outline.corners[0], [0.08, 0.0, 0.0], atol=1e-4)
+
+
+@pytest.mark.parametrize('degrees', [45, 90, -90])
+def test_a_corner_that_the_skin_has_made_an_arc_is_one_corner(degrees):
+    turn, radius = np.radians(abs(degrees)), 3e-3
+    angle = np.arange(0.0, turn, 0.3)
+    arc = radius * np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])
+    arc[:, 0] -= radius * np.tan(0.5 * turn)
+    legs = 1e-3 * np.arange(4, 50)[:, None]
+    path = np.concatenate([-legs[::-1] * [1.0, 0.0], arc, legs * [np.cos(turn), np.sin(turn)]])
+    path[:, 1] *= np.sign(degrees)
+    rng = np.random.default_rng(10)
+    outline = find_outline(lifted(path + rng.normal(0.0, 1e-5, path.shape)))
+    assert [side.kind for side in outline.sides] == ['line', 'line']
+    np.testing.assert_allclose(outline.corners[0], 0.0, atol=1e-4)
 
 
 def test_a_straight_edge_that_rises_is_seen_from_above():

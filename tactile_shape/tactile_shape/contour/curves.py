@@ -3,16 +3,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tactile_shape.contour.segments import ARC, FEW
+
 STEPS = 10  # largest number of Gauss-Newton steps
-RUN = 4  # neighbouring points; their mean distance separates a wrong curve from noise
 CHORD = 1e-3  # m, longest chord of an arc as a polyline
-
-
-def _distances(off: np.ndarray) -> tuple[float, float]:
-    """Return the RMS of signed distances (N,) and the largest magnitude of a running mean."""
-    run = min(RUN, len(off))
-    means = np.convolve(off, np.full(run, 1.0 / run), 'valid')
-    return float(np.sqrt(off @ off / len(off))), float(np.abs(means).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +16,6 @@ class Line:
     middle: np.ndarray  # (2,), a point on the line [m]
     direction: np.ndarray  # (2,), of length 1, along the points
     residual: float  # RMS distance of the points [m]
-    departure: float  # largest mean distance of neighbouring points, `RUN` of them [m]
 
     kind = 'line'
     radius = np.inf
@@ -35,7 +28,7 @@ class Line:
         if direction @ (points[-1] - points[0]) < 0.0:
             direction = -direction
         off = (points - middle) @ [-direction[1], direction[0]]
-        return cls(middle, direction, *_distances(off))
+        return cls(middle, direction, float(np.sqrt(np.mean(off**2))))
 
     def tangent(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """
@@ -62,12 +55,11 @@ class Arc:
     radius: float  # [m]
     turn: float  # 1: the points turn to the left, -1: to the right
     residual: float  # RMS distance of the points [m]
-    departure: float  # largest mean distance of neighbouring points, `RUN` of them [m]
 
     kind = 'arc'
 
     @classmethod
-    def fit(cls, points: np.ndarray, steps: int = STEPS) -> 'Arc | None':
+    def fit(cls, points: np.ndarray) -> 'Arc | None':
         """Fit a circle to points (N, 2) by least squares of the distance; None for a line."""
         middle = points.mean(axis=0)
         u = points - middle
@@ -78,7 +70,7 @@ class Arc:
         if rank < 3:
             return None
         centre, radius = solution[:2], np.sqrt(solution[2] + solution[:2] @ solution[:2])
-        for _ in range(steps):  # Gauss-Newton on the distance itself
+        for _ in range(STEPS):  # Gauss-Newton on the distance itself
             away = u - centre
             length = np.linalg.norm(away, axis=1)
             jacobian = np.column_stack([away / length[:, None], np.ones(len(u))])
@@ -89,7 +81,8 @@ class Arc:
         centre, radius = middle + scale * centre, float(scale * radius)
         away = points - centre
         turn = 1.0 if angle_between(away[:-1], away[1:]).sum() >= 0.0 else -1.0
-        return cls(centre, radius, turn, *_distances(np.linalg.norm(away, axis=1) - radius))
+        off = np.linalg.norm(away, axis=1) - radius
+        return cls(centre, radius, turn, float(np.sqrt(np.mean(off**2))))
 
     def tangent(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
         out = point - self.centre
@@ -115,19 +108,31 @@ class Arc:
         return np.array([path[0], *between[1:-1], path[-1]])
 
 
+Curve = Line | Arc
+
+
+def fit_curve(points: np.ndarray, std: float) -> Curve:
+    """Fit a line to points (N, 2) [m], or an arc if it explains them much better; see `joints`."""
+    line = Line.fit(points)
+    arc = Arc.fit(points) if len(points) >= FEW else None
+    if arc is None or len(points) * (line.residual**2 - arc.residual**2) < ARC * std**2:
+        return line
+    return arc
+
+
 def angle_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Return the angle from directions (..., 2) to others, positive to the left [rad]."""
     cross = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
     return np.arctan2(cross, (one * other).sum(axis=-1))
 
 
-def on_curve(curve: Line | Arc, point: np.ndarray) -> np.ndarray:
+def on_curve(curve: Curve, point: np.ndarray) -> np.ndarray:
     """Return the point of a curve nearest to a point (2,)."""
     foot, direction = curve.tangent(point)
     return foot + (point - foot) @ direction * direction
 
 
-def meeting(first: Line | Arc, second: Line | Arc, corner: np.ndarray) -> np.ndarray:
+def meeting(first: Curve, second: Curve, corner: np.ndarray) -> np.ndarray:
     """Return the intersection of two lines, or of tangents near a corner (2,), or the corner."""
     p, d = first.tangent(corner)
     q, e = second.tangent(corner)

@@ -7,17 +7,25 @@ from numpy.typing import ArrayLike
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.polyline import arc_length
-from tactile_shape.contour.curves import angle_between, Line, meeting, on_curve
-from tactile_shape.contour.pieces import divide, Ends, fit_piece, Piece, ROUNDING
+from tactile_shape.contour.curves import (
+    angle_between,
+    Curve,
+    fit_curve,
+    Line,
+    meeting,
+    on_curve,
+)
+from tactile_shape.contour.segments import joints
 
 STRAIGHT = 0.1  # width per length below which a contour does not define a plane
-ROUNDED = 0.15 * ROUNDING  # m, largest distance from the sides of contacts at a corner
+ROUNDING = 3e-3  # m of contour next to a corner, not used because the skin rounds it
+# m, largest distance of contacts at a corner from the sides, in addition to that of an arc with a
+# radius of `ROUNDING`.
+BLUNTED = 0.45e-3
 LEAST_TURN = 0.05  # rad; a line that turns by less continues the line before it
-LEG = 6e-3  # m before and after a point, used for its directions
-CORNER_ANGLE = 0.5  # rad; a larger turn between the two legs at a point is a corner
-# Largest departure of points from a line or arc, in addition to their noise [m]. Pieces with a
-# larger one are divided.
-TOLERANCE = 1e-4
+CORNER_ANGLE = 0.5  # rad; a larger turn between a line and an arc is a corner
+SHORTEST = 12e-3  # m; a shorter contour is refused
+TOLERANCE = 1e-4  # m, departure of a contour from lines and arcs, in addition to its noise
 SPACING = 1e-3  # m; contour points closer than this are averaged
 CLOSING = 2e-3  # m, largest gap between the ends of a closed contour
 
@@ -71,8 +79,7 @@ def find_outline(points: ArrayLike) -> Outline:
     Raises
     ------
     ConfigurationError
-        There are fewer than four points, a number is not finite, or the contour is shorter than
-        two legs.
+        There are fewer than four points, a number is not finite, or the contour is too short.
     """
     points = np.asarray(points, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < 4:
@@ -80,82 +87,67 @@ def find_outline(points: ArrayLike) -> Outline:
     if not np.isfinite(points).all():
         raise ConfigurationError('contour: a number is not finite')
     length = arc_length(points)[-1]
-    if length < 2.0 * LEG:
+    if length < SHORTEST:
         raise ConfigurationError(
-            f'contour is {1e3 * length:.3g} mm long, must be at least two legs, '
-            f'{2e3 * LEG:.3g} mm')
+            f'contour is {1e3 * length:.3g} mm long, must be at least {1e3 * SHORTEST:.3g} mm')
     centre, axes = _plane(points)
     flat, closed = _cut_overlap((points - centre) @ axes[:, :2])
     flat = _average(flat)
     if len(flat) < 4:
         raise ConfigurationError('contour: fewer than four of its points are apart')
-    tolerance = float(np.hypot(TOLERANCE, 1.5 * _noise(flat)))
-    corners = _corners(flat, closed)
-    pieces = _pieces(flat, corners, closed, tolerance)
-    # An outlier next to a gap is not a corner.
-    off = [other.points[0] for one, other in zip(pieces, pieces[1:], strict=False)
-           if other.ends.start and _straight_on(one, other)]
-    if off:
-        corners = [k for k in corners if not (flat[k] == off).all(axis=1).any()]
-        pieces = _pieces(flat, corners, closed, tolerance)
-    if closed and not corners and len(pieces) > 1:
-        # The first point is not an end: start again at the joint of two pieces.
-        flat = np.roll(flat, 1 - len(pieces[0].points), axis=0)
-        pieces = _pieces(flat, corners, closed, tolerance)
-    return _assemble(pieces, closed, lambda u: centre + np.asarray(u) @ axes[:, :2].T)
+    std = float(np.hypot(TOLERANCE, 1.5 * _noise(flat)))
+    runs = _runs(flat, closed, std)
+    return _assemble(runs, closed, std, lambda u: centre + np.asarray(u) @ axes[:, :2].T)
 
 
-def _pieces(flat: np.ndarray, corners: list[int], closed: bool,
-            tolerance: float) -> list[Piece]:
-    """Divide a contour into lines and arcs, from corner to corner."""
-    pieces, runs = [], _runs(flat, corners, closed)
-    round_ends = bool(closed and corners)
-    for k, run in enumerate(runs):
-        ends = Ends(k > 0 or round_ends, k < len(runs) - 1 or round_ends)
-        pieces += divide(run, ends, tolerance)
-    pieces = _without_roundings(pieces)
-    # Between two successive lines there is a corner, even if its turn is small.
-    for k in range(1, len(pieces)):
-        one = fit_piece(pieces[k - 1].points, pieces[k - 1].ends._replace(end=True))
-        other = fit_piece(pieces[k].points, pieces[k].ends._replace(start=True))
-        joint = other.points[0]
-        if _are_lines(one, other) and not _straight_on(one, other) and np.linalg.norm(
-                meeting(one.curve, other.curve, joint) - joint) < ROUNDING:
-            pieces[k - 1:k + 1] = one, other
-    return pieces
-
-
-def _without_roundings(pieces: list[Piece]) -> list[Piece]:
-    """Remove pieces between two lines that are a corner rounded by the skin."""
+def _runs(flat: np.ndarray, closed: bool, std: float) -> list[np.ndarray]:
+    """Divide a contour (n, 2) at corners, and between lines and arcs."""
+    order = np.arange(len(flat))
+    if closed:  # begin in the middle of the longest run, and join its halves at the end
+        order = np.append(order, 0)
+        ends = joints(flat[order], std)
+        longest = int(np.argmax(np.diff(ends)))
+        order = np.roll(order[:-1], -(ends[longest] + ends[longest + 1]) // 2)
+        order = np.append(order, order[0])
+    ends = joints(flat[order], std)
+    runs = [order[a:b + 1] for a, b in zip(ends, ends[1:], strict=False)]
     k = 1
-    while k < len(pieces) - 1:
-        one, middle, other = pieces[k - 1:k + 2]
-        if _are_lines(one, other) and not _straight_on(one, other):
-            corner = meeting(one.curve, other.curve, middle.points[0])
-            away = np.linalg.norm(middle.points - corner, axis=1)
-            off = [min(np.linalg.norm(point - on_curve(side.curve, point))
-                       for side in (one, other)) for point in middle.points]
-            if away.max() < 3.0 * ROUNDING and max(off) < ROUNDED:
-                nearest = away.argmin()
-                pieces[k - 1:k + 2] = [
-                    fit_piece(np.concatenate([one.points, middle.points[1:nearest + 1]]),
-                              one.ends._replace(end=True)),
-                    fit_piece(np.concatenate([middle.points[nearest:], other.points[1:]]),
-                              other.ends._replace(start=True))]
-                continue
-        k += 1
-    return pieces
+    while k < len(runs):
+        one, other, *after = [fit_curve(_between_roundings(flat[run], True, True), std)
+                              for run in runs[k - 1:k + 2]]
+        if _turn_of_lines(one, other) < LEAST_TURN:
+            runs[k - 1:k + 1] = [np.concatenate([runs[k - 1], runs[k][1:]])]
+        elif after and _is_rounding(one, flat[runs[k]], after[0]):
+            corner = meeting(one, after[0], flat[runs[k][0]])
+            nearest = np.linalg.norm(flat[runs[k]] - corner, axis=1).argmin()
+            runs[k - 1:k + 2] = [np.concatenate([runs[k - 1], runs[k][1:nearest + 1]]),
+                                 np.concatenate([runs[k][nearest:], runs[k + 1][1:]])]
+        else:
+            k += 1
+    if closed and len(runs) > 1:
+        runs[0] = np.concatenate([runs.pop(), runs[0][1:]])
+        first = int(np.argmin([run[0] for run in runs]))  # the first joint after the first point
+        runs = runs[first:] + runs[:first]
+    return [flat[run] for run in runs]
 
 
-def _are_lines(one: Piece, other: Piece) -> bool:
-    return isinstance(one.curve, Line) and isinstance(other.curve, Line)
+def _turn_of_lines(one: Curve, other: Curve) -> float:
+    """Return the angle between two lines [rad]; NaN unless both curves are lines."""
+    if isinstance(one, Line) and isinstance(other, Line):
+        return abs(float(angle_between(one.direction, other.direction)))
+    return np.nan
 
 
-def _straight_on(one: Piece, other: Piece) -> bool:
-    """Return True if one line continues in the direction of another."""
-    first, second = one.curve, other.curve
-    return isinstance(first, Line) and isinstance(second, Line) and bool(
-        abs(angle_between(first.direction, second.direction)) < LEAST_TURN)
+def _is_rounding(one: Curve, points: np.ndarray, other: Curve) -> bool:
+    """Return True if points between two lines are a corner that the skin has rounded."""
+    turn = _turn_of_lines(one, other)
+    if not turn > LEAST_TURN:
+        return False
+    corner = meeting(one, other, points[0])
+    off = [min(np.linalg.norm(point - on_curve(line, point)) for line in (one, other))
+           for point in points]
+    return bool(np.linalg.norm(points - corner, axis=1).max() < 3.0 * ROUNDING
+                and max(off) < BLUNTED + ROUNDING * (1.0 - np.cos(0.5 * turn)))
 
 
 def _plane(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -203,7 +195,7 @@ def _cut_overlap(flat: np.ndarray) -> tuple[np.ndarray, bool]:
     travel = arc_length(flat)
     away = np.linalg.norm(flat - flat[0], axis=1)
     # First return to the start, after the contour was far away from it.
-    far = np.flatnonzero(away > max(2.0 * LEG, 0.1 * away.max()))
+    far = np.flatnonzero(away > max(SHORTEST, 0.1 * away.max()))
     if len(far):
         back = np.flatnonzero((away < CLOSING) & (travel > travel[far[0]]))
         if len(back):
@@ -214,60 +206,40 @@ def _cut_overlap(flat: np.ndarray) -> tuple[np.ndarray, bool]:
     return flat, False
 
 
-def _corners(flat: np.ndarray, closed: bool) -> list[int]:
-    """Return the indices of points where the contour has a corner between two legs."""
-    count = len(flat)
-    around = np.concatenate([flat, flat, flat]) if closed else flat
-    offset = count if closed else 0
-    travel = arc_length(around)
-    before = np.searchsorted(travel, travel - LEG)
-    after = np.minimum(np.searchsorted(travel, travel + LEG), len(travel) - 1)
-    turn = np.zeros(len(around))
-    inside = (travel >= LEG) & (travel <= travel[-1] - LEG)
-    into, out = around - around[before], around[after] - around
-    turn[inside] = np.abs(angle_between(into, out)[inside])
-    found: list[int] = []
-    for k in range(offset, offset + count):
-        near = (travel > travel[k] - LEG) & (travel < travel[k] + LEG)
-        # A rounded corner has a flat maximum: skip other points within a leg.
-        if turn[k] > CORNER_ANGLE and turn[k] >= turn[near].max() and not (
-                found and travel[k] - travel[found[-1]] < LEG):
-            found.append(k)
-    found = [k - offset for k in found]
-    if closed and len(found) > 1 and (
-            travel[found[0] + count] - travel[found[-1]] < LEG):
-        found.pop()
-    return found
-
-
-def _runs(flat: np.ndarray, corners: list[int], closed: bool) -> list[np.ndarray]:
-    """Split the points at the corners."""
-    if not closed:
-        return [flat[a:b + 1] for a, b in zip(
-            [0, *corners], [*corners, len(flat) - 1], strict=True)]
-    if not corners:
-        return [np.concatenate([flat, flat[:1]])]
-    ends = [*corners[1:], corners[0] + len(flat)]
-    around = np.concatenate([flat, flat])
-    return [around[a:b + 1] for a, b in zip(corners, ends, strict=True)]
-
-
-def _assemble(pieces: list[Piece], closed: bool,
+def _assemble(runs: list[np.ndarray], closed: bool, std: float,
               lift: Callable[[ArrayLike], np.ndarray]) -> Outline:
-    """Make the outline from plane pieces; `lift` transforms points (..., 2) into space."""
-    joints = [meeting(before.curve, piece.curve, piece.points[0]) if piece.ends.start
-              else on_curve(piece.curve, piece.points[0]) for before, piece in zip(
-                  [pieces[-1], *pieces], pieces, strict=False)]
-    ends = joints[1:] + [
-        joints[0] if closed else on_curve(pieces[-1].curve, pieces[-1].points[-1])]
-    sides, corners, turns = [], [], []
-    for k, (piece, start, end) in enumerate(zip(pieces, joints, ends, strict=True)):
-        path, curve = np.array([start, *piece.points[1:-1], end]), piece.curve
+    """Make the outline from runs of points; `lift` transforms points (..., 2) into space."""
+    curves = [fit_curve(_between_roundings(run, True, True), std) for run in runs]
+    # Whether there is a corner at the start of each run; the last one is that of the first again.
+    corner = [k > 0 or closed and len(runs) > 1 for k in range(len(runs))]
+    corner = [there and _meet_at_corner(curves[k - 1], curves[k], runs[k][0])
+              for k, there in enumerate(corner)]
+    corner.append(corner[0])
+    curves = [fit_curve(_between_roundings(run, corner[k], corner[k + 1]), std)
+              for k, run in enumerate(runs)]
+    starts = [meeting(curves[k - 1], curves[k], run[0]) if corner[k] else on_curve(
+        curves[k], run[0]) for k, run in enumerate(runs)]
+    ends = starts[1:] + [starts[0] if closed else on_curve(curves[-1], runs[-1][-1])]
+    sides = []
+    for run, curve, start, end in zip(runs, curves, starts, ends, strict=True):
+        path = np.array([start, *run[1:-1], end])
         sides.append(Side(
             curve.kind, lift(start), lift(end), curve.length(path), curve.radius,
             curve.residual, lift(curve.polyline(path))))
-        if piece.ends.start:
-            corners.append(start)
-            turns.append(angle_between(
-                pieces[k - 1].curve.tangent(start)[1], curve.tangent(start)[1]))
+    turns = [angle_between(curves[k - 1].tangent(start)[1], curves[k].tangent(start)[1])
+             for k, start in enumerate(starts) if corner[k]]
+    corners = [start for k, start in enumerate(starts) if corner[k]]
     return Outline(lift(np.reshape(corners, (-1, 2))), np.array(turns), tuple(sides), closed)
+
+
+def _meet_at_corner(one: Curve, other: Curve, joint: np.ndarray) -> bool:
+    """Return True if two lines meet, or if there is a corner between a line and an arc."""
+    turn = angle_between(one.tangent(joint)[1], other.tangent(joint)[1])
+    return bool(abs(turn) > CORNER_ANGLE or _turn_of_lines(one, other) > 0.0)
+
+
+def _between_roundings(run: np.ndarray, at_start: bool, at_end: bool) -> np.ndarray:
+    """Return the points of a run without the parts that corners round."""
+    travel = arc_length(run)
+    keep = (travel >= ROUNDING * at_start) & (travel <= travel[-1] - ROUNDING * at_end)
+    return run[keep] if keep.sum() >= 3 else run
