@@ -70,7 +70,7 @@ def bars(trials, rng, progress):
 def without_noise(progress):
     """Return least, median and largest error over headings, due to the models only."""
     rows = []
-    exact = MatrixEstimator(LocalQuadricConfig(position_noise=1e-9, normal_noise=1e-7))
+    exact = MatrixEstimator(LocalQuadricConfig(position_noise=1e-9))
     for method in (methods.local_quadric(), methods.Stream('surface_matrix, N = 6', exact)):
         progress.step(f'without noise, {method.name}')
         for case in cases.CASES:

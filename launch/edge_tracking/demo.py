@@ -46,7 +46,8 @@ from tactile_sensing.nodes.driver import DriverConfig
 from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.types import State
-from tactile_shape.contour.object_model import model_of
+from tactile_shape.contour.object_model import ObjectModel
+from tactile_shape.mesh import save_mesh
 from tactile_simulation.cli.simulate import LAW_HELP, SEED
 from tactile_simulation.metrics import describe, to_json
 from tactile_simulation.scene import describe_scenes, find_scene, load_scene
@@ -137,7 +138,10 @@ def run_scene(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
             shown.summary.update(ok=False, reason=problem)
         make_report(folder / 'report.html', shown)
         if LAWS[options.law].maps_surface:
-            model_of(shown.run.patches).save_surface(folder / 'surface.ply')
+            model = ObjectModel()
+            for patch in shown.run.patches:
+                model.add_patch(patch)
+            save_mesh(folder / 'surface.ply', model.patches)
         return shown.summary, folder
     except TactileError as error:  # the recorder died, so its recording is incomplete
         return {'ok': False, 'reason': '; '.join(filter(None, (problem, str(error))))}, folder

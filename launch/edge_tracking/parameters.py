@@ -24,7 +24,6 @@ from tactile_sensing.nodes.driver import DriverConfig
 from tactile_servo.config import ServoConfig
 from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.robot_config import NodeConfig
-from tactile_shape.contour.object_model import ModelConfig
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorConfig
 from tactile_simulation.joint_controller import MockRobotConfig
@@ -33,7 +32,7 @@ from tactile_simulation.nodes.mock_sensor import MockSensorConfig
 # Dataclasses of the parameters of each node; the servo's law adds its own.
 NODES: dict[str, tuple[type, ...]] = {
     'driver': (DriverConfig,), 'contact_estimator': (EstimatorConfig,),
-    'shape_estimator': (ShapeEstimatorConfig, LocalQuadricConfig, ModelConfig),
+    'shape_estimator': (ShapeEstimatorConfig, LocalQuadricConfig),
     'edge_servo': (NodeConfig, ServoConfig), 'mock_sensor': (MockSensorConfig,),
     'mock_robot': (MockRobotConfig,), 'track': (TrackConfig,), 'view': (ViewConfig,)}
 SERVO = 'edge_servo'

@@ -27,7 +27,7 @@ from tactile_common.exports import exported
 __all__, __getattr__, __dir__ = exported(__name__, {
     'contact_recording': 'ContactRecording load_contacts',
     'contour.contact_path': 'ContactPath SpatialContact',
-    'contour.object_model': 'ModelConfig ObjectModel',
+    'contour.object_model': 'ObjectModel',
     'contour.outline': 'find_outline Outline Side',
     'local_surface.local_quadric': 'LocalQuadric LocalQuadricConfig',
     'shape_estimator': 'ShapeEstimator',

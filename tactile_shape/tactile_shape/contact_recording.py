@@ -1,15 +1,15 @@
 """A recorded path of contacts, read from arrays in a file or from the topics of a bag."""
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tactile_common.command_line import reading_bags
 from tactile_common.errors import ConfigurationError
-from tactile_common.npz_stream import clear_errors, read_arrays, scalar
+from tactile_common.npz_stream import clear_errors, read_arrays
 from tactile_shape.contour.contact_path import ContactPath
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 NEEDED = ('contact', 'sensor_pose')  # topics; 'image' (bends and ends of edges) may be missing
 ROW = np.dtype([('t', float), ('position', float, 3), ('normal', float, 3), ('edge', bool)])
-OPTIONAL = ('finger_radius', 'position_noise', 'normal_noise', 'location_noise')
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +35,6 @@ class ContactRecording:
     normal: np.ndarray  # (N, 3), the object's inward unit normal
     # (N,), contacts with an edge: they belong to the outline, not to the surface.
     edge: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
-    # As in `LocalQuadricConfig`; None if the recording does not contain it.
-    finger_radius: float | None = None
-    position_noise: float | None = None
-    normal_noise: float | None = None
-    location_noise: float | None = None
 
     def __post_init__(self) -> None:
         count = len(self.t) if np.ndim(self.t) == 1 else 0
@@ -69,7 +63,7 @@ class ContactRecording:
 
 
 def load_contacts(path: str | PathLike, namespace: str | None = None,
-                  finger_radius: float | None = None) -> ContactRecording:
+                  finger_radius: float = 0.0) -> ContactRecording:
     """
     Read an `.npz` file, or a rosbag2 recording of `contact`, `sensor_pose` and optionally `image`.
 
@@ -78,7 +72,7 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
     namespace : str, optional
         Namespace of the sensor in a bag; not needed if the bag has only one sensor.
     finger_radius : float, optional
-        Overrides the value of the file [m]. A bag contains no value; its default is a flat pad.
+        Locates contacts of a bag on a round finger [m]; 0 is a flat pad.
 
     Raises
     ------
@@ -89,13 +83,10 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
     if not path.exists():
         raise ConfigurationError(f'{path}: there is no such file')
     if path.suffix != '.npz':
-        return _from_bag(path, namespace, finger_radius or 0.0)
-    arrays = read_arrays(path, ('t', 'position', 'normal'), OPTIONAL)
+        return _from_bag(path, namespace, finger_radius)
+    arrays = read_arrays(path, ('t', 'position', 'normal'))
     with clear_errors(path):
-        known: dict[str, Any] = {name: scalar(name, arrays.pop(name))
-                                 for name in OPTIONAL if name in arrays}
-        recording = ContactRecording(**known | arrays)
-    return recording if finger_radius is None else replace(recording, finger_radius=finger_radius)
+        return ContactRecording(**arrays)
 
 
 def _from_bag(path: Path, namespace: str | None, finger_radius: float) -> ContactRecording:
@@ -104,22 +95,15 @@ def _from_bag(path: Path, namespace: str | None, finger_radius: float) -> Contac
         from tactile_sensing.observations import observations, TYPES
     with Bag(path) as bag:
         prefix = bag.namespace_of({name: TYPES[name] for name in NEEDED}, namespace)
-        table = place_contacts(observations(
+        table = _place_contacts(observations(
             bag, {f'{prefix}/{name}': name for name in (*NEEDED, 'image')}), finger_radius)
     if not len(table):
         raise ConfigurationError(f'bag {path}: no contact with a pose of the sensor at its stamp')
-    return ContactRecording(table['t'], table['position'], table['normal'], table['edge'],
-                            finger_radius=finger_radius)
+    return ContactRecording(table['t'], table['position'], table['normal'], table['edge'])
 
 
-def place_contacts(observations: Iterable['Observation'],
-                   finger_radius: float = 0.0) -> np.ndarray:
-    """
-    Compute the contacts in space, as records of ROW; a record of NaN marks a loss of contact.
-
-    The observations are contacts on the pad, poses and images in the order of reception, each
-    image before its contact. A damaged message raises a ConfigurationError.
-    """
+def _place_contacts(observations: Iterable['Observation'], finger_radius: float) -> np.ndarray:
+    """Return the contacts in space, records of ROW; a record of NaN marks a loss of contact."""
     path, lost = ContactPath(finger_radius), True
     rows: list[tuple] = []
     for seen in observations:

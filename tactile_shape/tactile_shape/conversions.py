@@ -10,7 +10,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import pose_from_msg, pose_to_msg
 from tactile_msgs.msg import SurfacePatch
-from tactile_shape.contour.object_model import COLOURS, ObjectModel, PATCH_SIZE
+from tactile_shape.contour.object_model import ObjectModel
+from tactile_shape.mesh import COLOURS, mesh_of, PATCH_SIZE
 from tactile_shape.types.patch import Kind, Patch
 
 # Limits of the part of a model that markers show, so that they stay cheap.
@@ -60,17 +61,16 @@ def contour_point_to_msg(position: np.ndarray, header: Header) -> PoseStamped:
 
 def model_to_markers(model: ObjectModel, patch: Patch | None, header: Header) -> MarkerArray:
     """Return markers: newest valid patch with principal directions, the surface, the contour."""
-    markers = [_mesh(model, model.patches[-MAX_PATCHES:], header, 'surface'),
+    markers = [_mesh(list(model.patches)[-MAX_PATCHES:], header, 'surface'),
                _lines(model.strokes, header)]
     if patch is not None:
-        markers += [_mesh(model, [patch], header, 'patch'),
-                    _directions(patch, header, 0.5 * PATCH_SIZE)]
+        markers += [_mesh([patch], header, 'patch'), _directions(patch, header)]
     return MarkerArray(markers=[marker for marker in markers if marker.points])
 
 
-def _mesh(model: ObjectModel, patches: list[Patch], header: Header, namespace: str) -> Marker:
+def _mesh(patches: list[Patch], header: Header, namespace: str) -> Marker:
     marker = _marker(header, namespace, Marker.TRIANGLE_LIST, 1.0)
-    mesh = model.mesh(patches)
+    mesh = mesh_of(patches)
     corners = mesh.faces.reshape(-1)
     marker.points = [_point(vertex) for vertex in mesh.vertices[corners].tolist()]
     shades: dict[Shade, ColorRGBA] = {}  # one message per colour, shared by all vertices
@@ -86,12 +86,12 @@ def _lines(strokes: list[list[np.ndarray]], header: Header) -> Marker:
     return marker
 
 
-def _directions(patch: Patch, header: Header, length: float) -> Marker:
+def _directions(patch: Patch, header: Header) -> Marker:
     marker = _marker(header, 'principal directions', Marker.LINE_LIST, _LINE_WIDTH)
     for axis, shade, seen in zip(patch.directions, (_RED, _GREEN), patch.seen, strict=True):
         if seen:
-            for sign in (-1.0, 1.0):
-                marker.points.append(_point((patch.origin + sign * length * axis).tolist()))
+            for end in (-0.5 * PATCH_SIZE, 0.5 * PATCH_SIZE):
+                marker.points.append(_point((patch.origin + end * axis).tolist()))
                 marker.colors.append(_colour(shade, 1.0))
     return marker
 

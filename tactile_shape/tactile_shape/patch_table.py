@@ -10,9 +10,7 @@ from tactile_shape.contact_recording import ContactRecording
 from tactile_shape.shape_estimator import ShapeEstimator
 from tactile_shape.types.patch import Kind, Patch
 
-MANY = 0.5  # share of the contacts with a surface; if more are refused, hints are given
-UNIT_ERROR = 1e-2  # largest difference of a unit vector's length from 1
-SHORT_PATH = 4e-3  # m; shorter paths show hardly any curvature
+MANY = 0.9  # share of patches with both curvatures negative that gives a hint
 # Parts of a reason that differ from contact to contact.
 _NUMBERS = re.compile(
     '^the path of [^ ]+ mm is |^[0-9]+ contacts see |, not all of .*|: they scatter by .*')
@@ -51,7 +49,6 @@ COLUMNS = {
     'window': Column(float, (), lambda p: p.extent, 'm', 'length of the path that was used'),
     'residual': Column(float, (), lambda p: p.residual, '', 'RMS in standard deviations'),
 }
-RECORD = np.dtype([(name, column.kind, column.shape) for name, column in COLUMNS.items()])
 KINDS = {
     Kind.NONE: 'not determined: the row is not valid', Kind.PLANE: 'plane',
     Kind.CYLINDER: 'cylinder: curved in one direction', Kind.SPHERE: 'sphere',
@@ -63,7 +60,8 @@ class PatchTable:
 
     def __init__(self, recording: ContactRecording, estimator: ShapeEstimator):
         self._recording, self._estimator = recording, estimator
-        self.records = np.zeros(len(recording), RECORD)
+        self.records = np.zeros(len(recording), [
+            (name, column.kind, column.shape) for name, column in COLUMNS.items()])
         self.records['t'] = recording.t
         self._reasons: Counter[str] = Counter()  # number of invalid patches by reason
 
@@ -96,39 +94,15 @@ class PatchTable:
             f'; {count} {reason}' for reason, count in self._reasons.items()))
         return ', '.join(parts)
 
-    def hints(self, window: float) -> Iterator[str]:
-        """Yield probable causes if most contacts gave no patch; `window` [m] is the fit's."""
-        recording = self._recording
-        touched = np.isfinite(recording.position).all(axis=1) & ~recording.edge
-        records = self.records[touched]
-        count, valid = len(records), np.count_nonzero(records['valid'])
-        if not count:
-            if recording.edge.any():
-                yield ('all contacts are with edges, which have no surface: see --outline, '
-                       '--contour')
-            return
-        seen = records['curvature'][records['valid'] & records['seen'].all(axis=1)]
-        if len(seen) > MANY * count and (seen < 0.0).all():
-            yield ('the surface is concave throughout; if the object is convex, the normals point '
-                   'out of it and must point into it')
-        if valid < (1.0 - MANY) * count:
-            yield f'{count - valid} of {count} contacts gave no surface'
-            yield _doubt(recording.position[touched], recording.normal[touched], window)
-
-
-def _doubt(position: np.ndarray, normal: np.ndarray, window: float) -> str:
-    """Return what is unusual about a path for which no surface could be determined."""
-    length = np.median(np.linalg.norm(normal, axis=1))
-    if not abs(length - 1.0) < UNIT_ERROR:
-        exchanged = np.allclose(np.linalg.norm(position, axis=1), 1.0, atol=UNIT_ERROR)
-        return (f'normals have a length of {length:.3g}, must have 1'
-                + ('; are position and normal exchanged?' if exchanged else ''))
-    steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
-    if len(steps) and (step := np.median(steps)) > window:
-        return (f'contacts are {step:.3g} m apart, more than the window of {window:g} m; are '
-                'positions in metres?')
-    if (way := steps.sum()) < SHORT_PATH:
-        return (f'the whole path is {1e3 * way:.2g} mm long: below {1e3 * SHORT_PATH:g} mm hardly '
-                'anything is seen')
-    return ('if the path is straight, swing it by 1 mm or more; if it is not of one surface, take '
-            'a shorter --window; if positions are noisier than --position-noise, increase it')
+    def hint(self, window: float) -> str:
+        """Return a probable mistake in the units or signs of the input; empty if none shows."""
+        position = self._recording.position
+        steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
+        if (step := np.nanmedian(steps) if np.isfinite(steps).any() else 0.0) > window:
+            return (f'contacts are {step:.3g} m apart, more than the window of {window:g} m; are '
+                    'positions in metres?')
+        seen = self.records[self.records['valid'] & self.records['seen'].all(axis=1)]
+        if len(seen) and (seen['curvature'].max(axis=1) < 0.0).mean() > MANY:
+            return ('the surface is concave nearly throughout; if the object is convex, the '
+                    'normals point out of it and must point into it')
+        return ''

@@ -72,10 +72,6 @@ def test_an_edge_along_x_is_the_same_on_either_side_of_the_wrap():
     np.testing.assert_allclose(places, [(0.0, 4e-3), (-1e-3, 4e-3)] * 2, atol=1e-10)
 
 
-def test_no_force_is_needed_for_a_place():
-    assert locate(line(1e-3, 0.2, normal_force=np.nan, force_valid=False))[0] is not None
-
-
 def test_a_large_area_is_at_its_centre_of_pressure_and_a_bent_edge_is_not():
     assert locate(other(5.0, (1e-3, 2e-3), 9e-6, 8e-6)) == (pytest.approx((1e-3, 2e-3)), False)
     # Without its picture a bent edge, or a corner, is not located: it is not at its centre.
@@ -152,7 +148,7 @@ def test_contacts_wait_for_their_pose_and_keep_their_order():
 def test_a_pad_that_lifts_off_touches_nowhere():
     """Neither what it still touches nor, while contact flickers, what it touches again."""
     path = ContactPath()
-    for ms in range(0, 300, 50):
+    for ms in range(0, 350, 50):
         path.add_pose(ms * MS, np.eye(4))
 
     def place(ms, load):
@@ -164,11 +160,11 @@ def test_a_pad_that_lifts_off_touches_nowhere():
         25 * MS, replace(point(), moments=Moments(2.0, *5 * (0.0,))))[0].reason
     path.add_contact(30 * MS, NOTHING)
     assert not place(40, 0.5)
-    assert place(200, 0.5)  # another touch, a light one
+    assert place(300, 0.5)  # another touch, a light one
 
 
 def test_lost_contact_and_gaps_begin_a_new_path():
-    path = ContactPath(max_gap=0.1)
+    path = ContactPath()
     for k in range(100):
         path.add_pose(10 * k * MS, np.eye(4))
 
@@ -179,7 +175,7 @@ def test_lost_contact_and_gaps_begin_a_new_path():
     assert [anew(10, point()), anew(20, point()), anew(30, point(valid=False)),
             anew(40, point())] == [True, False, False, False]
     assert anew(50, NOTHING) and anew(60, point()) and not anew(70, point())
-    assert anew(200, point())  # 130 ms after the last
+    assert not anew(300, point()) and anew(560, point())  # 230 and 260 ms after the last
 
 
 def test_a_recording_that_restarts():

@@ -14,8 +14,8 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.ros.conversions import stamp_from_ns
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_shape.cli import fit
-from tactile_shape.contact_recording import ContactRecording, load_contacts
-from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
+from tactile_shape.contact_recording import load_contacts
+from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.patch_table import COLUMNS
 from tactile_shape.types.patch import Kind
 
@@ -79,18 +79,9 @@ def test_the_path_begins_anew_where_nothing_is_touched(there):
     assert found['t'][100] == arrays['t'][100]
 
 
-def test_options_then_arrays_then_defaults(there):
-    arrays = contacts(noise=False)
-    trace = ContactRecording(**arrays, finger_radius=0.01, normal_noise=2e-3)
-    options = fit.parser().parse_args(['x', '-o', 'y', '--normal-noise', '3e-3'])
-    config = fit.make_config(options, trace)
-    assert (config.finger_radius, config.normal_noise) == (0.01, 3e-3)
-    assert config.location_noise == LocalQuadricConfig.location_noise
-    assert run('--finger-radius', '0.01', **arrays) == 0
+def test_a_round_finger(there):
+    assert run('--finger-radius', '0.01', **contacts(noise=False)) == 0
     np.testing.assert_allclose(result()['curvature'][-1], 1 / RADIUS, rtol=1e-3)
-    one = result()
-    assert run(**arrays, finger_radius=0.01) == 0
-    np.testing.assert_array_equal(one['curvature'], result()['curvature'])
 
 
 def test_the_method_of_the_thesis(there):
@@ -110,8 +101,8 @@ def test_the_example_of_the_help(there, capsys):
     with pytest.raises(SystemExit):
         fit.main(['--help'])
     text = capsys.readouterr().out
-    for name in (*COLUMNS, 'position', 'normal', 'finger_radius', 'location_noise'):
-        assert re.search(rf'^  (\w+, )*{name}\b', text, re.M), name
+    for name in (*COLUMNS, 'position', 'normal'):
+        assert re.search(rf'^  {name}\b', text, re.M), name
     exec(textwrap.dedent(re.search(r'-c "\n(.*?)\n  "\n', fit.EXAMPLE, re.S)[1]), {})
     assert fit.main(['trace.npz', '-o', 'patches.npz']) == 0
     np.testing.assert_allclose(1 / result('patches.npz')['curvature'][-1], 0.035, rtol=0.01)
@@ -128,12 +119,11 @@ GOOD = contacts(length=0.01)
     ({'t': GOOD['t'] * np.nan}, (), 't: a number is not finite'),
     ({'position': GOOD['position'] * np.nan}, (), 'no row is finite'),
     ({'position': GOOD['position'].astype(str)}, (), 'type'),
-    ({'finger_radius': np.array([1.0, 2.0])}, (), 'finger_radius is'),
-    ({'finger_radius': -1.0}, (), 'finger_radius is -1'),
+    ({}, ('--finger-radius', '-1'), 'finger_radius is -1'),
     ({}, ('--window', '0'), 'window is 0'), ({}, ('--window', 'x'), 'invalid float'),
     ({}, ('--location-noise', 'nan'), 'location_noise is nan'),
-    ({}, ('--ply', 'none/x.ply'), 'cannot be written'),
-    ({}, ('--plot', 'x.unknown'), 'must end in one of'),
+    ({}, ('--ply', 'none/x.ply'), 'there is no such folder'),
+    ({}, ('--plot', 'x.unknown'), 'must end in .png or'),
     ({}, ('--method', 'magic'), 'invalid choice')])
 def test_refusals_are_one_line(there, capsys, change, options, message):
     arrays = {name: value for name, value in {**GOOD, **change}.items() if value is not None}
@@ -257,8 +247,6 @@ def test_contour_table(there, capsys):
     assert [np.ptp(rows['x'][rows['stroke'] == k]) for k in (0, 1)] == pytest.approx(
         [0.02, 0.01], abs=1.1e-3)
     assert (rows['z'] == 0.1).all()
-    with pytest.raises(ConfigurationError, match='cannot be written'):
-        model.save_points('nothing/contour.csv')
     assert run('--contour', 'contour.txt', **contacts()) == 2
     assert 'contour.txt: must end in .csv' in capsys.readouterr().err
 
@@ -271,20 +259,17 @@ def test_a_bag_gives_its_contour(there):
     assert len(rows) > 20 and away.max() < 1e-6  # m
 
 
-@pytest.mark.parametrize('changed, hint', [
-    (lambda p, n: (1e3 * p, n), r'are 0\.2\d* m apart, .* are positions in metres\?'),
-    (lambda p, n: (p, 3 * n), 'normals have a length of 3, must have 1$'),
-    (lambda p, n: (n, p), 'are position and normal exchanged'),
-    (lambda p, n: (p, -n), 'normals point out of it and must point into it'),
-    (lambda p, n: (0.02 * p, n), 'the whole path is .* below 4 mm'),
-    (lambda p, n: (p + np.random.default_rng(1).normal(0.0, 5e-4, p.shape), n),
-     'noisier than --position-noise')],
-    ids=['millimetres', 'normals too long', 'exchanged', 'sign', 'short', 'noisy'])
-def test_mass_refusals_and_a_wrong_sign_get_a_hint(there, capsys, changed, hint):
+@pytest.mark.parametrize('changed, said', [
+    (lambda p, n: (1e3 * p, n), r'hint: .* are 0\.2\d* m apart, .* are positions in metres\?'),
+    (lambda p, n: (p, 3 * n), '160 contact is not finite or its normal not of length 1'),
+    (lambda p, n: (p, -n), 'hint: .*normals point out of it and must point into it'),
+    (lambda p, n: (0.02 * p, n), 'too short, or too noisy, to show any curvature')],
+    ids=['millimetres', 'normals too long', 'sign', 'short'])
+def test_why_most_contacts_are_refused_or_concave(there, capsys, changed, said):
     arrays = contacts()
     arrays['position'], arrays['normal'] = changed(arrays['position'], arrays['normal'])
     assert run(**arrays) == 0
-    assert re.search(f'hint: .*{hint}', capsys.readouterr().err, re.M)
+    assert re.search(said, capsys.readouterr().err, re.M)
 
 
 def test_good_paths_get_no_hint(there, capsys):

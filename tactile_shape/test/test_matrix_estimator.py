@@ -11,7 +11,7 @@ from tactile_shape.thesis.matrix_estimator import MatrixEstimator
 from tactile_shape.types.patch import Kind
 from tactile_shape.types.surface_matrix import SurfaceMatrix
 
-EXACT = LocalQuadricConfig(position_noise=1e-9, normal_noise=1e-7)
+EXACT = LocalQuadricConfig(position_noise=1e-9)
 
 
 def last(config, points, normals, **options):

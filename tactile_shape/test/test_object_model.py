@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 
 from benchmarks.shape.surfaces import sphere, Weave
-from tactile_common.errors import ConfigurationError
-from tactile_shape.contour.object_model import COLOURS, ModelConfig, ObjectModel
+from tactile_shape.contour import object_model
+from tactile_shape.contour.object_model import ObjectModel
 from tactile_shape.local_surface.local_quadric import LocalQuadric
-from tactile_shape.ply import write_ply
+from tactile_shape.mesh import COLOURS, save_mesh
 from tactile_shape.types.patch import Kind, Patch
 
 
@@ -33,19 +33,20 @@ def touched(length=0.05):
 
 
 def test_contour_is_thinned_and_broken_where_contact_was_lost():
-    model = ObjectModel(ModelConfig(spacing=0.95e-3))
-    for x in np.arange(0.0, 0.0101, 1e-4):
+    model = ObjectModel()
+    there = 1.05e-4 * np.arange(101)
+    for x in there:
         model.add_contact(np.array([x, 0.0, 0.0]))
-    for x in np.arange(0.0101, 0.004, -1e-4):  # the way back adds nothing
+    for x in there[:40:-1]:  # the way back adds nothing
         assert not model.add_contact(np.array([x, 1e-4, 0.0]))
     model.begin_stroke()
     model.add_contact(np.array([0.0123, 0.0, 0.0]))
     assert [len(stroke) for stroke in model.strokes] == [11, 1]
-    np.testing.assert_allclose(model.contour[:11, 0], np.arange(11) * 1e-3, atol=2e-4)
+    np.testing.assert_allclose(model.contour[:11, 0], 1.05e-3 * np.arange(11), atol=2e-4)
 
 
 def test_a_contour_reaches_to_its_end_and_not_to_single_contacts_beyond():
-    model = ObjectModel(ModelConfig(spacing=1e-3))
+    model = ObjectModel()
     for x in [*np.arange(0.0, 9.61e-3, 1e-4), 9.7e-3, 9.9e-3, 9.95e-3, 9.6e-3, 9.3e-3]:
         model.add_contact(np.array([x, 0.0, 0.0]))
     kept = model.total
@@ -57,7 +58,7 @@ def test_a_contour_reaches_to_its_end_and_not_to_single_contacts_beyond():
 def test_single_contacts_that_are_off_are_no_ends():
     rng = np.random.default_rng(0)
     there, end = np.array([0.0, 5e-4, 0.0]), np.array([9.85e-3, 0.0, 0.0])
-    model = ObjectModel(ModelConfig(spacing=1e-3))
+    model = ObjectModel()
     for point in (there, *rng.normal(0.0, 3e-5, (50, 3)),  # a light touch, then the pad stands
                   *np.linspace([0.0, 0.0, 0.0], end, 198),
                   *(end + rng.normal(0.0, 3e-5, (150, 3))), end + [2e-4, 0.0, 0.0]):
@@ -67,8 +68,9 @@ def test_single_contacts_that_are_off_are_no_ends():
     np.testing.assert_allclose(model.contour[[0, -1]], [np.zeros(3), end], atol=5e-5)
 
 
-def test_memory_is_bounded():
-    model = ObjectModel(ModelConfig(max_points=20))
+def test_memory_is_bounded(monkeypatch):
+    monkeypatch.setattr(object_model, 'MAX_POINTS', 20)
+    model = ObjectModel()
     flat = Patch(Kind.PLANE, True, '', 'local_quadric', np.eye(4), np.zeros(2))
     for k in range(100):
         if k % 10 == 0:
@@ -83,13 +85,14 @@ def test_memory_is_bounded():
 
 def test_invalid_patches_are_not_kept():
     model = ObjectModel()
-    assert not model.add_patch(Patch(Kind.NONE, False, 'why', 'local_quadric'))
+    model.add_patch(Patch(Kind.NONE, False, 'why', 'local_quadric'))
+    assert not model.patches
 
 
 def test_surface_mesh(tmp_path):
     model = touched()
     assert 5 < len(model.patches) < 14
-    model.save_surface(tmp_path / 'surface.ply')
+    save_mesh(tmp_path / 'surface.ply', model.patches)
     ply = read_ply(tmp_path / 'surface.ply')
     vertices = np.array(ply['vertex'])
     assert len(vertices) == 25 * len(model.patches)
@@ -105,26 +108,6 @@ def test_surface_mesh(tmp_path):
     assert np.linalg.norm(area, axis=1).sum() == pytest.approx(0.006**2, rel=0.01)
 
 
-def test_contour_file(tmp_path):
-    model = touched()
-    model.begin_stroke()
-    model.add_contact(np.array([1.0, 0.0, 0.0]))
-    model.add_contact(np.array([1.1, 0.0, 0.0]))
-    model.save_contour(tmp_path / 'contour.ply')
-    ply = read_ply(tmp_path / 'contour.ply')
-    np.testing.assert_allclose(ply['vertex'], model.contour, atol=1e-8)
-    edges = np.array(ply['edge'], dtype=int)
-    assert len(edges) == len(model.contour) - 2  # not across the two strokes
-    assert (edges[:, 1] - edges[:, 0] == 1).all()
-
-
-def test_empty_model(tmp_path):
-    ObjectModel().save_surface(tmp_path / 'empty.ply')
+def test_a_mesh_of_nothing(tmp_path):
+    save_mesh(tmp_path / 'empty.ply', [])
     assert read_ply(tmp_path / 'empty.ply') == {'vertex': [], 'face': []}
-
-
-def test_refused(tmp_path):
-    with pytest.raises(ConfigurationError, match='cannot be written'):
-        write_ply(tmp_path / 'none' / 'x.ply', np.zeros((1, 3)))
-    with pytest.raises(ConfigurationError, match='spacing'):
-        ModelConfig(spacing=0.0)

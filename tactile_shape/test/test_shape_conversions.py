@@ -9,7 +9,6 @@ from tactile_common.errors import TactileError
 from tactile_msgs.msg import SurfacePatch
 from tactile_shape.contour.object_model import ObjectModel
 from tactile_shape.conversions import (
-    contour_point_to_msg,
     MAX_PATCHES,
     model_to_markers,
     patch_from_msg,
@@ -67,12 +66,6 @@ def test_surface_matrix_of_the_message():
     message = patch_to_msg(patch, HEADER)
     surface = SurfaceMatrix(np.array(message.surface_matrix).reshape(4, 4))
     np.testing.assert_allclose(surface.curvatures(patch.frame[:3, 3])[0], patch.curvature)
-
-
-def test_contour_point():
-    pose = contour_point_to_msg(np.array([0.5, 0.0, 1.0]), HEADER)
-    assert (pose.pose.position.x, pose.pose.position.z) == (0.5, 1.0)
-    assert pose.header.frame_id == 'base'
 
 
 def test_markers():

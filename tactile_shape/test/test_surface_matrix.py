@@ -103,11 +103,6 @@ def test_curvature_and_back():
     np.testing.assert_allclose(again.matrix, SADDLE.matrix, atol=1e-12)
 
 
-def test_parameters_and_back():
-    np.testing.assert_array_equal(
-        SurfaceMatrix.from_parameters(SADDLE.matrix[np.triu_indices(4)]).matrix, SADDLE.matrix)
-
-
 def test_sum_of_two_cylinders_is_curved_like_a_sphere():
     """The sum of surface functions (4.7): two cylinders of half the radius across each other."""
     crossed = SurfaceMatrix(cylinder(R / 2).matrix + cylinder(R / 2, np.pi / 2).matrix)

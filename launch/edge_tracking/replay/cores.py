@@ -40,7 +40,6 @@ from tactile_servo.laws.registry import law_named
 from tactile_servo.robot_config import NodeConfig, robot_of
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import Timing
-from tactile_shape.contour.object_model import ModelConfig
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorConfig, ShapeTopics
 
@@ -204,7 +203,7 @@ class Cores:
         self._now_ns = 0  # time of the message that is being processed
         self._shape = ShapeTopics(self._publisher, self.faults.append, *(
             settings.config('shape_estimator', kind)
-            for kind in (ShapeEstimatorConfig, LocalQuadricConfig, ModelConfig)))
+            for kind in (ShapeEstimatorConfig, LocalQuadricConfig)))
         self.servo = ServoCore(settings, self.inputs, self._shape, output) if with_servo else None
         self._contact, self._wrench = ContactMsg(), WrenchStamped()
         self._later: deque[tuple[Recorded, Callable[[], None]]] = deque()

@@ -1,20 +1,21 @@
 """Offline command that fits the surface at every contact of a recorded path."""
 import argparse
 from collections.abc import Iterable
+import dataclasses
 import os
-from pathlib import Path
 from textwrap import indent
 import time
 from typing import Any
 
-from tactile_common.command_line import Parser, picture_file, run_command
+from tactile_common.command_line import file_to_write, Parser, PICTURES, run_command
 from tactile_common.errors import ConfigurationError
-from tactile_common.npz_stream import RecordWriter
+from tactile_common.npz_stream import write_arrays
 from tactile_common.progress import Progress
-from tactile_shape.contact_recording import ContactRecording, load_contacts, OPTIONAL
+from tactile_shape.contact_recording import load_contacts
 from tactile_shape.contour.outline import find_outline
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
-from tactile_shape.patch_table import COLUMNS, KINDS, PatchTable, RECORD
+from tactile_shape.mesh import save_mesh
+from tactile_shape.patch_table import COLUMNS, KINDS, PatchTable
 from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
 
 QUIET = 1.0  # time before the progress bar appears [s]
@@ -39,7 +40,6 @@ def _table(rows: Iterable[tuple[Any, str]], width: int) -> str:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    default = LocalQuadricConfig()
     arrays = _table(((name, column.text + (f' [{column.unit}]' if column.unit else ''))
                      for name, column in COLUMNS.items()), 16)
     kinds = _table(((int(kind), text) for kind, text in KINDS.items()), 3)
@@ -55,11 +55,6 @@ Input arrays of TRACE.npz (from numpy.savez), one row per contact, SI units
                    nothing is touched: there the path begins anew
   normal           (N, 3), the object's *inward* unit normal there: what a pad's own outward
                    normal is where it touches
-and optionally, single numbers
-  finger_radius    of a round finger whose normals come from where it is touched; 0 = flat
-  position_noise, normal_noise, location_noise
-                   standard deviations per axis: of the robot's position [m], of the normal [rad]
-                   and of the contact on the pad [m]
 
 A BAG is a rosbag2 recording (folder, .mcap or .db3) of the topics contact, sensor_pose and, for
 bends and ends of edges, image.""",
@@ -75,66 +70,53 @@ Example
 Exit status: 0, or 2 after one line that says what is wrong; then nothing is written.""")
     arguments.add_argument('recording', metavar='TRACE.npz|BAG', help='input')
     arguments.add_argument('-o', '--out', required=True, metavar='PATCHES.npz',
-                           help='file to write; replaced if it exists')
+                           type=file_to_write('.npz'), help='file to write; replaced if it exists')
     arguments.add_argument('--method', choices=METHODS, default=METHODS[0],
                            help="local_quadric, or the thesis' surface_matrix (default: "
                            '%(default)s)')
-    arguments.add_argument('--window', type=float, default=default.window, metavar='M',
-                           help='length of path that a patch is fitted to (default: %(default)s)')
-    for name in OPTIONAL:
+    for option in dataclasses.fields(LocalQuadricConfig):
         arguments.add_argument(
-            f'--{name.replace("_", "-")}', type=float, metavar='X',
-            help=f'in place of the array (default of both: {getattr(default, name):g})')
+            f'--{option.name.replace("_", "-")}', type=float, default=option.default, metavar='X',
+            help=f'{option.metadata["doc"]} [{option.metadata["unit"]}] (default: %(default)g)')
     arguments.add_argument('--namespace', help='of the sensor in a bag that has several')
     arguments.add_argument('--outline', action='store_true',
                            help='print corners and sides of the contour')
-    arguments.add_argument('--contour', metavar='FILE.csv', help='write the contour: stroke, '
-                           'x, y, z [m]; strokes are stretches of unbroken contact')
-    arguments.add_argument('--plot', metavar='FILE', type=picture_file,
+    arguments.add_argument('--contour', metavar='FILE.csv', type=file_to_write('.csv'),
+                           help='write the contour: stroke, x, y, z [m]; strokes are stretches '
+                           'of unbroken contact')
+    arguments.add_argument('--plot', metavar='FILE', type=file_to_write(*PICTURES),
                            help='draw samples, patches and curvatures')
-    arguments.add_argument('--ply', metavar='FILE.ply', help='write the patches as a mesh; of '
-                           'edges alone, the contour')
+    arguments.add_argument('--ply', metavar='FILE.ply', type=file_to_write('.ply'),
+                           help='write the patches as a mesh')
     return arguments
-
-
-def make_config(options: argparse.Namespace, recording: ContactRecording) -> LocalQuadricConfig:
-    """Return the configuration from the options, then the recording, then the defaults."""
-    values = {'window': options.window}
-    for name in OPTIONAL:
-        option, recorded = getattr(options, name), getattr(recording, name)
-        value = recorded if option is None else option
-        if value is not None:
-            values[name] = value
-    return LocalQuadricConfig(**values)
 
 
 def run(options: argparse.Namespace) -> str:
     """Fit every contact of the input; return the summary."""
-    for path, ending in ((options.out, '.npz'), (options.contour, '.csv')):
-        if path and Path(path).suffix != ending:
-            raise ConfigurationError(f'{path}: must end in {ending}')
-    recording = load_contacts(options.recording, options.namespace, options.finger_radius)
-    if Path(options.out).exists() and os.path.samefile(options.recording, options.out):
+    config = LocalQuadricConfig(**{
+        field.name: getattr(options, field.name)
+        for field in dataclasses.fields(LocalQuadricConfig)})
+    recording = load_contacts(options.recording, options.namespace, config.finger_radius)
+    if options.out.exists() and os.path.samefile(options.recording, options.out):
         raise ConfigurationError(f'{options.out}: is the input as well')
-    estimator = ShapeEstimator(
-        make_surface_estimator(options.method, make_config(options, recording)))
+    estimator = ShapeEstimator(make_surface_estimator(options.method, config))
     model, count = estimator.model, len(recording)
     table = PatchTable(recording, estimator)
     begin = time.perf_counter()
-    with RecordWriter(options.out, RECORD, count) as writer:
-        with Progress(count, QUIET) as progress:
-            for done in table.fill():
-                progress.show(done, 'fit', f'{done} of {count} contacts')
-        writer.append(table.records)
+    with Progress(count, QUIET) as progress:
+        for done in table.fill():
+            progress.show(done, 'fit', f'{done} of {count} contacts')
     rate = count / max(time.perf_counter() - begin, 1e-9)
+    write_arrays(options.out, **{name: table.records[name] for name in COLUMNS})
     text = [f'{options.out}: {count} contacts, {rate:.0f} contacts/s; {table}']
-    text += [f'hint: {text}' for text in table.hints(options.window)]
+    if hint := table.hint(config.window):
+        text.append(f'hint: {hint}')
     if options.outline:
         text.append(str(find_outline(model.contour)))
     if options.contour:
         model.save_points(options.contour)
     if options.ply:
-        (model.save_surface if model.patches else model.save_contour)(options.ply)
+        save_mesh(options.ply, model.patches)
     if options.plot:
         from tactile_shape.cli.plots import draw_patches  # needs matplotlib
         draw_patches(options.plot, recording, table, model)

@@ -5,33 +5,26 @@ from typing import Any
 from matplotlib.figure import Figure
 import numpy as np
 
-from tactile_common.errors import ConfigurationError
 from tactile_shape.contact_recording import ContactRecording
-from tactile_shape.contour.object_model import COLOURS, ObjectModel
+from tactile_shape.contour.object_model import ObjectModel
+from tactile_shape.mesh import COLOURS, mesh_of
 from tactile_shape.patch_table import PatchTable
 from tactile_shape.types.patch import Kind
 
 
 def draw_patches(path: str | PathLike, recording: ContactRecording, table: PatchTable,
                  model: ObjectModel) -> None:
-    """
-    Draw samples and patches, and curvatures over time.
-
-    Raises a ConfigurationError if the file cannot be written or its format is unknown.
-    """
+    """Draw samples and patches, and curvatures over time."""
     figure = Figure(figsize=(11, 4.5), layout='constrained')
     grid = figure.add_gridspec(1, 2, width_ratios=(1.1, 1.0))
     _model(figure.add_subplot(grid[0], projection='3d'), model, recording.position)
     _curvature(figure.add_subplot(grid[1]), table.records)
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(f'{path}: cannot be drawn: {error}') from error
+    figure.savefig(path, dpi=110)
 
 
 def _model(axis: Any, model: ObjectModel, samples: np.ndarray) -> None:
     """Draw patches and contacts (N, 3) [m] into 3-D axes, in mm."""
-    vertices, colours, faces = model.mesh()
+    vertices, colours, faces = mesh_of(model.patches)
     finite = samples[np.isfinite(samples).all(axis=1)][::max(1, len(samples) // 2000)]
     axis.plot(*1e3 * finite.T, '.', ms=1.5, color='black', label='contacts')
     if len(faces):

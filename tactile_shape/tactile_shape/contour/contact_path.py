@@ -21,6 +21,8 @@ ELONGATED = 4.0  # ratio of second moments; a bent edge has 10 or more, a round 
 FARTHEST = 1.0  # m, largest |x| + |y| of a place on a pad
 LEAVING = 0.5  # share of a path's largest load; below it, the pad lifts off
 WAITING = 200  # most contacts or images that wait for their counterpart: about one second
+# Contacts farther apart belong to different paths: two and a half frames of a sensor of 10 Hz.
+MAX_GAP_NS = NS // 4
 Place = tuple[float, float]  # x, y on the array [m]
 
 
@@ -125,19 +127,15 @@ class ContactPath:
     ----------
     finger_radius : float
         Radius of the finger, see `on_pad` [m].
-    max_gap : float
-        Contacts farther apart belong to different paths; poses farther apart are not interpolated
-        [s].
     """
 
-    def __init__(self, finger_radius: float = 0.0, max_gap: float = 0.1):
-        self._finger_radius, self._max_gap = finger_radius, round(max_gap * NS)
-        self._poses = PoseBuffer(max_gap)
+    def __init__(self, finger_radius: float = 0.0):
+        self._finger_radius, self._poses = finger_radius, PoseBuffer()
         self._waiting: deque[_Waiting] = deque(maxlen=WAITING)
         self._pictures: dict[int, Callable[[], TactileImage | None]] = {}  # by their stamps [ns]
         self.lost = 0  # number of contacts without a pose
         self._last: int | None = None  # stamp of the last contact [ns]
-        self._touched = -self._max_gap - 1  # stamp of the last load [ns], and the largest load
+        self._touched = -MAX_GAP_NS - 1  # stamp of the last load [ns], and the largest load
         self._heaviest = 0.0
 
     def clear(self) -> None:
@@ -204,14 +202,14 @@ class ContactPath:
         if pose is None:
             self.lost += 1
             return None, False, 'no pose of the sensor at its stamp'
-        anew = self._last is None or not 0 <= stamp - self._last <= self._max_gap
+        anew = self._last is None or not 0 <= stamp - self._last <= MAX_GAP_NS
         self._last = stamp
         return SpatialContact(stamp, pose[:3, :3] @ position + pose[:3, 3],
                               pose[:3, :3] @ normal, edge), anew, ''
 
     def _leaves(self, stamp: int, load: float) -> bool:
         """Return True if the load is far below its maximum: places are then unreliable."""
-        if not 0 <= stamp - self._touched <= self._max_gap:
+        if not 0 <= stamp - self._touched <= MAX_GAP_NS:
             self._heaviest = 0.0
         self._touched, self._heaviest = stamp, max(self._heaviest, load)
         return load < LEAVING * self._heaviest

@@ -21,7 +21,8 @@ ENOUGH = 10  # number of cells needed to estimate the noise from residuals
 # A path's length or width counts if its variance is at least this multiple of the variance of the
 # noise: three standard deviations.
 CLEAR = 9.0
-# Departure of a general surface from a second-order one, as a share of its third-order term.
+# Departure of a general surface from a second-order one, as a share of its third-order term; gives
+# distant contacts less weight.
 MODEL_ERROR = 0.1
 _HEIGHTS_SPENT = 2.0  # approximate number of the six parameters that heights alone determine
 
@@ -52,22 +53,12 @@ class Fit(NamedTuple):
 
 class Fitter:
     """
-    Least-squares fit of the contacts in a window.
+    Least-squares fit of contacts (m, 3) with their normals and weights in a tangent frame.
 
-    The first `count` of (K11, K12, K22) are fitted; the others keep their prior.
-
-    Parameters
-    ----------
-    points, normals : ndarray, shape (m, 3)
-        Contacts in a tangent frame [m].
-    weights : ndarray, shape (m,)
-        Number of independent samples in each contact.
-    noise : Noise
-        Noise of one sample; its position noise is increased to the scatter of the heights.
-
-    Height and slope are eliminated. `left` (4, 4) contains information and right side of K, and
-    the chi-square of K = 0. Height and slope are the last column of `lift` (3, 4) minus its other
-    columns times K.
+    The first `count` of (K11, K12, K22) are fitted; the others keep their prior. The position
+    noise is increased to the scatter of the heights. Height and slope are eliminated: `left`
+    (4, 4) contains information and right side of K, and the chi-square of K = 0. Height and slope
+    are the last column of `lift` (3, 4) minus its other columns times K.
     """
 
     def __init__(self, points: np.ndarray, normals: np.ndarray, weights: np.ndarray, noise: Noise,
@@ -94,23 +85,12 @@ class Fitter:
     def sums(self, curvature: np.ndarray, doubt: np.ndarray,
              model_error: float = 0.0) -> np.ndarray:
         """
-        Sum the products of the rows, weighted by the inverse of their covariance.
+        Return the normal equations (7, 7): products of the rows over their covariance.
 
-        Parameters
-        ----------
-        curvature : ndarray, shape (3,)
-            K11, K12, K22: through them, a displacement along the surface causes an error of the
-            normal.
-        doubt : ndarray, shape (3,)
-            Their variances: the uncertainty of K causes errors too.
-        model_error : float
-            Error of the model, relative to the third-order term |K u|^3 of normal and height.
-
-        Returns
-        -------
-        ndarray, shape (7, 7)
-            Normal equations of (a, b1, b2, K11, K12, K22); the last column contains their right
-            side and its weighted square.
+        The last column contains the right side of (a, b1, b2, K11, K12, K22) and its weighted
+        square. Through the curvature (3,), a displacement along the surface causes an error of the
+        normal; so does its uncertainty, the variances `doubt` (3,). `model_error` is relative to
+        the third-order term |K u|^3 of normal and height.
         """
         k11, k12, k22 = curvature.tolist()
         noise, (x, y, z), n = self.noise, self._points.T, self._normals
@@ -144,21 +124,19 @@ class Fitter:
         """Information matrix times K, ndarray (3,)."""
         return self._left[:3, 3]
 
+    @property
+    def curvature(self) -> np.ndarray:
+        """Fitted (K11, K12, K22), ndarray (3,)."""
+        return np.linalg.solve(self.information, self.right)
+
     def flat(self, curvature: np.ndarray) -> np.ndarray:
         """Return height and slope, ndarray (3,), for a curvature (3,)."""
         return self._lift[:, 3] - self._lift[:, :3] @ curvature
 
-    def general(self) -> np.ndarray:
-        """
-        Return the curvature (3,) of a general surface.
-
-        The surface may differ from a second-order one by `MODEL_ERROR` of its third order, so that
-        distant contacts have less weight.
-        """
+    def allow_third_order(self) -> None:
+        """Fit again: the surface may differ from second order by `MODEL_ERROR`."""
         for _ in range(2):
-            self._solve(
-                np.linalg.solve(self.information, self.right), self._doubt, MODEL_ERROR)
-        return np.linalg.solve(self.information, self.right)
+            self._solve(self.curvature, self._doubt, MODEL_ERROR)
 
     def excess(self) -> tuple[float, float]:
         """
@@ -169,8 +147,7 @@ class Fitter:
         freedom = 3 * len(self._points) - 3 - self._count
         if freedom < 1:
             return 1.0, math.nan
-        explained = float(self.right @ np.linalg.solve(self.information, self.right))
-        left = max(float(self._left[3, 3]) - explained, 0.0) / freedom
+        left = max(float(self._left[3, 3] - self.right @ self.curvature), 0.0) / freedom
         return max(1.0, left), math.sqrt(left)
 
     def _solve(self, curvature: np.ndarray, doubt: np.ndarray, model_error: float = 0.0) -> None:
@@ -191,35 +168,13 @@ class Fitter:
         return max(told, math.sqrt(weights @ residual**2 / (len(weights) - _HEIGHTS_SPENT)))
 
 
-def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndarray, int]:
-    """
-    Return the rotation (3, 3) about z that turns x along a path (m, 2), and the count of K.
-
-    The count is the number of elements of K that the path can determine.
-    """
-    off = u - weights @ u / weights.sum()
-    spread = (weights[:, None] * off).T @ off / weights.sum()
-    large, small, heading = principal(spread[0, 0], spread[0, 1], spread[1, 1])
-    fuzz = CLEAR * std**2 * len(weights) / weights.sum() + 1e-24
-    count = 0 if large < fuzz else 2 if small < fuzz else 3
-    return turn_about_z(heading), count
-
-
 def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
                   axes: np.ndarray, noise: Noise) -> Fit:
     """
-    Fit the simplest model to contacts, each the mean of some samples.
+    Fit the simplest model to contacts (m, 3), each the mean of `weights` (m,) samples.
 
-    Parameters
-    ----------
-    points, normals : ndarray, shape (m, 3)
-        Contacts; the points are relative to the origin of the tangent frame.
-    weights : ndarray, shape (m,)
-        Number of samples of each contact.
-    axes : ndarray, shape (3, 3)
-        Tangent frame: columns x, y and the inward normal.
-    noise : Noise
-        Noise of one sample; its part along the surface can make a path look wider.
+    The points are relative to the origin of the tangent frame, whose `axes` (3, 3) are columns x,
+    y and the inward normal. `noise` is that of one sample.
     """
     turn, count = _path_frame(
         points @ axes[:, :2], weights, math.hypot(noise.position, noise.location))
@@ -230,10 +185,13 @@ def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
         excess, residual = fitter.excess()
         kind, curvature = least_model(fitter.information / excess, fitter.right / excess, count)
         if kind == Kind.GENERAL:
-            curvature = fitter.general()
+            fitter.allow_third_order()
+            curvature = fitter.curvature
             excess, residual = fitter.excess()
     information, flat = fitter.information / excess, fitter.flat(curvature)
-    main = _principal(kind, curvature)
+    one, other, heading = principal_curvatures(*curvature.tolist())
+    main = Principal(one, 0.0 if kind == Kind.CYLINDER else other,
+                     heading if kind in (Kind.CYLINDER, Kind.GENERAL) else 0.0)
     # An unseen curvature does not become certain by the choice of a cylinder.
     covariance, seen = curvature_covariance(
         kind if count == 3 else Kind.GENERAL, information, main)
@@ -241,9 +199,16 @@ def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
                np.linalg.inv(information)[0, 0], residual, fitter.noise.position)
 
 
-def _principal(kind: Kind, curvature: np.ndarray) -> Principal:
-    """Return the principal curvatures of a model, the larger in magnitude first."""
-    one, other, heading = principal_curvatures(*curvature.tolist())
-    if kind == Kind.CYLINDER:
-        return Principal(one, 0.0, heading)
-    return Principal(one, other, heading if kind == Kind.GENERAL else 0.0)
+def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndarray, int]:
+    """
+    Return the rotation (3, 3) about z that turns x along a path (m, 2), and the count of K.
+
+    The count is the number of elements of K that the path can determine. Noise of `std` [m] along
+    the surface makes a path look wider.
+    """
+    off = u - weights @ u / weights.sum()
+    spread = (weights[:, None] * off).T @ off / weights.sum()
+    large, small, heading = principal(spread[0, 0], spread[0, 1], spread[1, 1])
+    fuzz = CLEAR * std**2 * len(weights) / weights.sum() + 1e-24
+    count = 0 if large < fuzz else 2 if small < fuzz else 3
+    return turn_about_z(heading), count

@@ -42,16 +42,8 @@ def least_model(information: np.ndarray, right: np.ndarray,
     """
     Choose the simplest of plane, sphere, cylinder and general that chi-square does not reject.
 
-    Parameters
-    ----------
-    information, right : ndarray, shapes (3, 3) and (3,)
-        Normal equations of (K11, K12, K22).
-    count : int
-        Number of elements that were seen; K22 is the last one.
-
-    Returns
-    -------
-    kind, curvature : Kind, ndarray (3,)
+    `information` (3, 3) and `right` (3,) are the normal equations of (K11, K12, K22), of which the
+    first `count` were seen. Returns the kind and the curvature (3,).
     """
     full = np.linalg.solve(information, right)
     most = full @ right

@@ -15,7 +15,14 @@ import numpy as np
 from tactile_common.config import bounded, check_fields
 from tactile_shape.local_surface.contact_window import CELLS, ContactWindow, path_length
 from tactile_shape.local_surface.curvature_fit import ENOUGH, Fit, fit_curvature, Noise
-from tactile_shape.types.patch import certain_enough, Patch, SurfaceEstimator, usable_normal
+from tactile_shape.types.patch import (
+    certain_enough,
+    MAX_CURVATURE_STD,
+    NORMAL_NOISE,
+    Patch,
+    SurfaceEstimator,
+    usable_normal,
+)
 from tactile_shape.types.tangent import tangent_frame
 
 # Smallest length of a cell, as a multiple of the noise of a contact's place, which would lengthen
@@ -40,13 +47,8 @@ class LocalQuadricConfig:
     finger_radius: float = bounded(0.0, 'radius of a round finger; 0 = flat pad', 'm', 0.0, 1.0)
     position_noise: float = bounded(
         2e-5, "standard deviation of the pose's position, per axis", 'm', 1e-9, 0.1)
-    normal_noise: float = bounded(
-        5e-4, "standard deviation of the normal's direction, per axis", 'rad', 1e-7, 1.0)
     location_noise: float = bounded(
         1.5e-4, 'standard deviation of the contact on the pad, per axis', 'm', 0.0, 0.1)
-    max_curvature_std: float = bounded(
-        2.5, 'a curvature less certain than this, and than a tenth of itself, is called unseen',
-        '1/m', 1e-6, 1e6)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -62,8 +64,8 @@ class LocalQuadric(SurfaceEstimator):
         c = self.config
         on_finger = c.location_noise / c.finger_radius if c.finger_radius else 0.0
         self._noise = Noise(
-            c.position_noise, c.location_noise, math.hypot(c.normal_noise, on_finger),
-            c.finger_radius * c.normal_noise)
+            c.position_noise, c.location_noise, math.hypot(NORMAL_NOISE, on_finger),
+            c.finger_radius * NORMAL_NOISE)
         self._cell = max(
             c.window / CELLS, CELL_NOISE * math.hypot(c.position_noise, c.location_noise))
         self._window = ContactWindow(c.window, self._cell)
@@ -96,7 +98,7 @@ class LocalQuadric(SurfaceEstimator):
                 f'given one: they scatter by {1e3 * fit.scatter:.2g} mm, residuals are '
                 f'{fit.residual:.2g} standard deviations', **known)
         curvature, covariance, variance = np.array(fit.principal[:2]), fit.covariance, fit.seen
-        radius, enough = self.config.finger_radius, self.config.max_curvature_std
+        radius = self.config.finger_radius
         if radius:
             # The finger's centre moves on a surface whose radii are larger by the finger's radius;
             # over an edge its radius is the finger's.
@@ -108,11 +110,11 @@ class LocalQuadric(SurfaceEstimator):
             covariance = covariance / np.outer(shrink, shrink)**2
             variance = variance / shrink**4
         known |= {'curvature': curvature, 'covariance': covariance}
-        seen = certain_enough(variance, curvature, enough)
+        seen = certain_enough(variance, curvature)
         if seen.any():
             return Patch(fit.kind, True, '', self.method, seen=seen, **known)
         why = 'too short, or too noisy, to show any curvature'
-        if fit.along < enough**2:
+        if fit.along < MAX_CURVATURE_STD**2:
             why = 'straight and along no principal direction: the curvature across is unseen'
         return self.refused(f'the path of {1e3 * extent:.2g} mm is {why}', **known)
 

@@ -6,31 +6,39 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
+import numpy as np
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
-from tactile_common.config import bounded, one_of
+from tactile_common.config import one_of
 from tactile_common.errors import TactileError
 from tactile_common.ros.cdr import DAMAGE, stamp_of, unpacked
 from tactile_common.ros.conversions import pose_from_msg, set_stamp, stamp_to_ns
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
+from tactile_common.state_buffer import NS
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_msgs.msg import SurfacePatch, TactileImage
 from tactile_sensing.conversions import contact_from_msg, image_from_msg
 from tactile_sensing.types.contact import Contact, ContactType
 from tactile_sensing.types.image import TactileImage as Image
 from tactile_shape.compile_kernels import compile_kernels
-from tactile_shape.contour.contact_path import ContactPath, Placed, SpatialContact, WAITING
-from tactile_shape.contour.object_model import ModelConfig, ObjectModel
+from tactile_shape.contour.contact_path import (
+    ContactPath,
+    MAX_GAP_NS,
+    Placed,
+    SpatialContact,
+    WAITING,
+)
 from tactile_shape.conversions import contour_point_to_msg, model_to_markers, patch_to_msg
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
-from tactile_shape.types.patch import Patch, refusal
+from tactile_shape.types.patch import Patch
 
 SOURCES = ('sensor', 'servo')
+PERIOD_NS = NS  # between two contours, and two sets of markers, by the stamps of contacts
 # Patches are not time-critical, so long queues avoid losses on a busy machine.
 _LATE, _POSES = (QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
                  for depth in (WAITING, 3 * WAITING))
@@ -39,7 +47,7 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 @dataclass(frozen=True)
 class ShapeEstimatorConfig:
-    """Method and source of the estimate, and period of the published model."""
+    """Method and source of the estimate."""
 
     method: str = one_of(
         METHODS[0], "'local_quadric' (least model over a window of travel) or "
@@ -47,48 +55,14 @@ class ShapeEstimatorConfig:
     source: str = one_of(
         SOURCES[0], "of the contacts: 'sensor', or a 'servo' that knows better where its probe "
         'touches and publishes surface_contact', SOURCES)
-    max_gap: float = bounded(
-        0.1, 'contacts farther apart in time are not of one path; poses of the sensor are not '
-        'interpolated across more', 's', 1e-4, 100.0)
-    publish_period: float = bounded(
-        1.0, 'time between two contours, and two sets of markers, by the stamps of contacts', 's',
-        0.0, 1000.0)
-
-
-class _ModelPublisher:
-    """Publishes changed contour and markers periodically and when contact is lost."""
-
-    def __init__(self, create_publisher: Callable[..., Any], period: float):
-        self._contours = create_publisher(Path, 'contour', _LATCHED)
-        self._markers = create_publisher(MarkerArray, 'markers', _LATCHED)
-        self._period_ns = round(1e9 * period)
-        self.begin()
-
-    def begin(self) -> None:
-        """Forget the model."""
-        self._newest: Patch | None = None
-        self._published_ns: int | None = None
-        self._total, self._touching, self._changed = 0, False, False
-
-    def take(self, model: ObjectModel, patch: Patch, placed: Placed, header: Header) -> None:
-        """Process the patch of a contact and the updated model."""
-        if patch.valid:
-            self._newest = patch
-        lost = placed.contact is None and placed.anew  # its stroke has ended
-        self._changed |= patch.valid or model.total != self._total or (lost and self._touching)
-        self._total, self._touching = model.total, not lost
-        stamp, before = stamp_to_ns(header.stamp), self._published_ns
-        due = before is None or not 0 <= stamp - before < self._period_ns
-        if self._changed and (lost or due):
-            self._changed, self._published_ns = False, stamp
-            self._contours.publish(Path(header=header, poses=[
-                contour_point_to_msg(point, header) for point in model.contour]))
-            self._markers.publish(model_to_markers(model, self._newest, header))
 
 
 class ShapeTopics:
     """
     A shape estimator between messages, inside or outside a ROS graph.
+
+    It publishes a patch for every contact. A changed contour and markers follow once a second and
+    when contact is lost.
 
     Parameters
     ----------
@@ -96,26 +70,27 @@ class ShapeTopics:
         Same as a node's method; only `publish` of the result is used.
     warn : callable
         Takes a text.
-    own, surface, model : ShapeEstimatorConfig, LocalQuadricConfig, ModelConfig
+    own, surface : ShapeEstimatorConfig, LocalQuadricConfig
     """
 
     def __init__(self, create_publisher: Callable[..., Any], warn: Callable[[str], None],
-                 own: ShapeEstimatorConfig, surface: LocalQuadricConfig, model: ModelConfig):
-        self._model_config, self._warn = model, warn
-        self._model = _ModelPublisher(create_publisher, own.publish_period)
-        self._path = ContactPath(surface.finger_radius, own.max_gap)
-        self._max_gap_ns, self._touched_ns = round(1e9 * own.max_gap), 0
+                 own: ShapeEstimatorConfig, surface: LocalQuadricConfig):
+        self._warn = warn
+        self._contours = create_publisher(Path, 'contour', _LATCHED)
+        self._markers = create_publisher(MarkerArray, 'markers', _LATCHED)
+        self._patches = create_publisher(SurfacePatch, 'surface_patch', 10)
+        self._path, self._touched_ns = ContactPath(surface.finger_radius), 0
         self.by_servo = own.source == 'servo'
-        self._none = patch_to_msg(refusal(''), Header())
         self._surface = make_surface_estimator(own.method, surface)
         self._frame: str | None = None
         self._begin_model()
-        self._patches = create_publisher(SurfacePatch, 'surface_patch', 10)
 
     def _begin_model(self) -> None:
         self._surface.reset()
-        self._shape = ShapeEstimator(self._surface, ObjectModel(self._model_config))
-        self._model.begin()
+        self._shape = ShapeEstimator(self._surface)
+        self._newest: Patch | None = None
+        self._published_ns: int | None = None
+        self._total, self._touching, self._changed = 0, False, False
 
     @property
     def lost(self) -> int:
@@ -124,10 +99,8 @@ class ShapeTopics:
 
     def take_pose(self, msg: PoseStamped) -> None:
         """Process a pose of the sensor."""
-        try:
-            pose = pose_from_msg(msg.pose)
-        except TactileError as error:
-            self._warn(f'sensor_pose ignored: {error}')
+        pose = self._pose(msg, 'sensor_pose')
+        if pose is None:
             return
         if self._frame != msg.header.frame_id:
             if self._frame is not None:
@@ -154,18 +127,21 @@ class ShapeTopics:
 
     def take_touch(self, msg: PoseStamped) -> None:
         """Process a contact published by the servo."""
-        try:
-            pose = pose_from_msg(msg.pose)
-        except TactileError as error:
-            self._warn(f'surface_contact ignored: {error}')
-            return
-        if msg.header.frame_id != self._frame:  # before the first pose of the sensor
+        pose = self._pose(msg, 'surface_contact')
+        if pose is None or msg.header.frame_id != self._frame:  # no pose of the sensor yet
             return
         stamp_ns = stamp_to_ns(msg.header.stamp)
-        anew = not 0 <= stamp_ns - self._touched_ns <= self._max_gap_ns
+        anew = not 0 <= stamp_ns - self._touched_ns <= MAX_GAP_NS
         self._touched_ns = stamp_ns
         contact = SpatialContact(stamp_ns, pose[:3, 3], -pose[:3, 2], edge=False)
         self._take([Placed((stamp_ns, ''), contact, anew, '')])
+
+    def _pose(self, msg: PoseStamped, topic: str) -> np.ndarray | None:
+        try:
+            return pose_from_msg(msg.pose)
+        except TactileError as error:
+            self._warn(f'{topic} ignored: {error}')
+            return None
 
     def _take(self, all_placed: list[Placed]) -> None:
         for placed in all_placed:
@@ -173,15 +149,24 @@ class ShapeTopics:
             stamp_ns, sensor = placed.extra
             header = Header(frame_id=self._frame)
             set_stamp(header.stamp, stamp_ns)
-            self._patches.publish(self._message_of(patch, header, sensor))
-            self._model.take(self._shape.model, patch, placed, header)
+            self._patches.publish(patch_to_msg(patch, header, sensor))
+            self._publish_model(patch, placed, header)
 
-    def _message_of(self, patch: Patch, header: Header, sensor: str) -> SurfacePatch:
-        if patch.method:
-            return patch_to_msg(patch, header, sensor)
-        message = self._none  # reused, because every contact with an edge has no patch
-        message.header, message.sensor, message.reason = header, sensor, patch.reason
-        return message
+    def _publish_model(self, patch: Patch, placed: Placed, header: Header) -> None:
+        """Publish contour and markers if the patch of a contact makes them due."""
+        model = self._shape.model
+        if patch.valid:
+            self._newest = patch
+        lost = placed.contact is None and placed.anew  # its stroke has ended
+        self._changed |= patch.valid or model.total != self._total or (lost and self._touching)
+        self._total, self._touching = model.total, not lost
+        stamp, before = stamp_to_ns(header.stamp), self._published_ns
+        due = before is None or not 0 <= stamp - before < PERIOD_NS
+        if self._changed and (lost or due):
+            self._changed, self._published_ns = False, stamp
+            self._contours.publish(Path(header=header, poses=[
+                contour_point_to_msg(point, header) for point in model.contour]))
+            self._markers.publish(model_to_markers(model, self._newest, header))
 
 
 def _image(raw: bytes) -> Image | None:
@@ -197,16 +182,16 @@ class ShapeEstimatorNode(TactileNode):
     Subscribes to `contact`, `sensor_pose` and `image` (for bends and ends of edges) and matches
     them by their stamps. It uses no clock, so that a replayed recording gives the same result.
     With contacts from a servo, the sensor's contacts only show when contact is lost. Publishes
-    `surface_patch` for every contact, and `contour` and `markers` periodically. Parameters:
-    `ShapeEstimatorConfig`, `LocalQuadricConfig`, `ModelConfig`.
+    `surface_patch` for every contact, and `contour` and `markers` once a second. Parameters:
+    `ShapeEstimatorConfig`, `LocalQuadricConfig`.
     """
 
     def __init__(self, **kwargs: Any):
         super().__init__('shape_estimator', **kwargs)
         compile_kernels()
-        self._shape = ShapeTopics(self.create_publisher, self._warn, *(
-            declare_from(self, kind)
-            for kind in (ShapeEstimatorConfig, LocalQuadricConfig, ModelConfig)))
+        self._shape = ShapeTopics(
+            self.create_publisher, self._warn, declare_from(self, ShapeEstimatorConfig),
+            declare_from(self, LocalQuadricConfig))
         if self._shape.by_servo:
             self.create_subscription(
                 PoseStamped, 'surface_contact', self._shape.take_touch, 10)
@@ -228,8 +213,7 @@ class ShapeEstimatorNode(TactileNode):
             return
         self._shape.take_contact(stamp_to_ns(msg.header.stamp), contact, msg.sensor)
         if self._shape.lost > lost and not self.starting:
-            self._warn(f'{self._shape.lost} contacts had no sensor_pose within max_gap of their '
-                       'stamp')
+            self._warn(f'{self._shape.lost} contacts had no sensor_pose near their stamp')
 
 
 def main(args: list[str] | None = None) -> int:

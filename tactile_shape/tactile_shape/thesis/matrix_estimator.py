@@ -10,6 +10,7 @@ from tactile_shape.thesis.matrix_fit import fit_matrix, MatrixFit
 from tactile_shape.types.patch import (
     certain_enough,
     Kind,
+    NORMAL_NOISE,
     Patch,
     PRIOR_CURVATURE,
     SurfaceEstimator,
@@ -65,10 +66,10 @@ class MatrixEstimator(SurfaceEstimator):
         positions, normals = (np.array(values) for values in zip(*contacts, strict=True))
         points, normals, frame = contacts_in_frame(positions, normals)
         fit = fit_matrix(points, normals, position_noise=self.config.position_noise,
-                         normal_noise=self.config.normal_noise)
+                         normal_noise=NORMAL_NOISE)
         steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
         known: dict[str, Any] = {'extent': float(steps.sum()), 'samples': len(contacts),
-                                 'residual': fit.residual / self.config.normal_noise}
+                                 'residual': fit.residual / NORMAL_NOISE}
         try:
             if fit.surface is None:
                 raise SurfaceError('no normal was seen')
@@ -79,7 +80,7 @@ class MatrixEstimator(SurfaceEstimator):
         pose = frame.copy()
         pose[:3, :3] = frame[:3, :3] @ axes
         covariance, seen = self._certainty(fit, axes)
-        seen &= certain_enough(np.diag(covariance), curvature, self.config.max_curvature_std)
+        seen &= certain_enough(np.diag(covariance), curvature)
         back = np.linalg.inv(frame)
         known |= {'frame': pose, 'curvature': curvature, 'covariance': covariance, 'seen': seen,
                   'matrix': local.in_frame(back).matrix}

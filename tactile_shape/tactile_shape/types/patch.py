@@ -22,7 +22,12 @@ class Kind(IntEnum):
 
 
 PRIOR_CURVATURE = 100.0  # 1/m, standard deviation of the prior
-RELATIVE = 0.1  # relative uncertainty up to which any curvature counts as seen
+# A curvature counts as seen up to this standard deviation: 0.13 mm at the end of a patch of 20 mm
+# [1/m]; or up to this share of itself.
+MAX_CURVATURE_STD, RELATIVE = 2.5, 0.1
+# Standard deviation of a normal's direction per axis: a robot that repeats to 0.02 mm turns a pad
+# of 40 mm by as much [rad].
+NORMAL_NOISE = 5e-4
 _MAX_COORDINATE = 1e6  # m; a contact with a larger one is invalid
 _LENGTH_ERROR = 1e-3  # largest difference of a usable normal's length from 1
 
@@ -36,9 +41,9 @@ def usable_normal(position: np.ndarray, normal: np.ndarray) -> np.ndarray | None
     return normal / length if abs(length - 1.0) < _LENGTH_ERROR else None
 
 
-def certain_enough(variance: np.ndarray, curvature: np.ndarray, std: float) -> np.ndarray:
-    """Return which variances are below std^2 or the square of `RELATIVE` times the curvature."""
-    return variance < np.maximum(std, RELATIVE * np.abs(curvature))**2
+def certain_enough(variance: np.ndarray, curvature: np.ndarray) -> np.ndarray:
+    """Return which curvatures are seen, from their variances."""
+    return variance < np.maximum(MAX_CURVATURE_STD, RELATIVE * np.abs(curvature))**2
 
 
 def _nan(*shape: int) -> Any:
@@ -113,25 +118,25 @@ def refusal(reason: str, method: str = '', **known: Any) -> Patch:
 
 
 class SurfaceEstimator(ABC):
-    """Estimator of the surface at the newest contact of a path; time and memory are bounded."""
+    """
+    Estimator of the surface at the newest contact of a path; time and memory are bounded.
+
+    `reset` forgets the path after a loss of contact. `add` takes a contact (3,) [m] and the
+    object's inward unit normal (3,), in the object's frame; it returns False and ignores them if
+    they are not finite or the normal has not length 1. `estimate` returns the Patch at the newest
+    contact; invalid, with a reason, if it is unknown.
+    """
 
     method: str
 
     @abstractmethod
-    def reset(self) -> None:
-        """Forget the path after a loss of contact."""
+    def reset(self) -> None: ...  # noqa: D102
 
     @abstractmethod
-    def add(self, position: np.ndarray, normal: np.ndarray) -> bool:
-        """
-        Add a contact (3,) [m] and the object's inward unit normal (3,), in the object's frame.
-
-        Returns False and ignores the contact if it is not finite or its normal has not length 1.
-        """
+    def add(self, position: np.ndarray, normal: np.ndarray) -> bool: ...  # noqa: D102
 
     @abstractmethod
-    def estimate(self) -> Patch:
-        """Return the Patch at the newest contact; invalid, with a reason, if it is unknown."""
+    def estimate(self) -> Patch: ...  # noqa: D102
 
     def update(self, position: np.ndarray, normal: np.ndarray) -> Patch:
         """Add a contact and return the Patch there; it is invalid if the contact is unusable."""
