@@ -25,7 +25,7 @@ from tactile_sensing.calibration.procedure import calibrate, Known, Recordings
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.types.array import TactelArray
-from tactile_simulation.ball_press import BallPress, MODULUS
+from tactile_simulation.ball_press import BallPress
 
 NOISE = 0.01  # as a share of the highest tactel: 40 dB
 SIDES = 5, 6, 8, 12, 16, 32  # of pads
@@ -298,7 +298,7 @@ def _with_specimen(scene, number):
 
 def pressed(scene, seed):
     """Calibrate a scene's sensor in the same way as `press_ball` and `calibrate`."""
-    press = BallPress(scene, BALL, FORCE, MODULUS, seed)
+    press = BallPress(scene, BALL, FORCE, seed)
     unloaded, ball, flat = press.unloaded(100), press.frames(20), press.frames(40)
     recordings = Recordings(unloaded=unloaded, ball=ball, ball_radius=BALL, flat=flat,
                             force=np.full(len(ball), FORCE))

@@ -11,7 +11,8 @@ from tactile_servo.motion.motion import COMMITTED, Motion
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_simulation.joint_controller import Late, MockController
-from tactile_simulation.smoothness import accelerations
+from tactile_simulation.metrics import accelerations
+from tactile_simulation.world import Plant
 
 ROOT = Path(__file__).resolve().parents[2]
 CYCLE, DURATION, BEGIN = 0.0025, 1.2, 100.0  # s
@@ -48,9 +49,7 @@ def play(shape, *, committed=COMMITTED, least=0.5e-3, mean=0.3e-3, late=0.0,
     rng, motion = np.random.default_rng(seed), Motion(robot, limits, CYCLE)
     motion.expect_lateness(committed)
     motion.seed(START)
-    controller = MockController(
-        robot.joint_names, robot.lower, robot.upper, robot.velocity_limit, rate=1.0 / period,
-        initial_positions=START, interpolate_from_desired_state=joined)
+    controller = MockController(robot, START, Plant(), rate=1.0 / period, from_desired=joined)
     steps = BEGIN + 0.25e-3 + np.arange(0.0, DURATION, period)
     arrivals, commands, last = [], [], 0.0
     for count, now in enumerate(BEGIN + np.arange(0.0, DURATION, CYCLE)):

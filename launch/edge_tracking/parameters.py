@@ -26,7 +26,7 @@ from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.robot_config import NodeConfig
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorConfig
-from tactile_simulation.joint_controller import MockRobotConfig
+from tactile_simulation.nodes.mock_robot import MockRobotConfig
 from tactile_simulation.nodes.mock_sensor import MockSensorConfig
 
 # Dataclasses of the parameters of each node; the servo's law adds its own.

@@ -1,5 +1,4 @@
 """A ball pressed on the sensor of a scene: simulated recordings for a calibration."""
-
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
@@ -11,25 +10,25 @@ PERIOD = 0.005  # s between frames
 PAUSE, HELD = 2.0, 0.5  # s that the pad is free before a press; s that the ball presses
 CLEARANCE = 1.6  # pitches, smallest distance of a press from the border of the pad
 KEPT = 10  # frames of each press
-MODULUS = 4e5  # Pa, Young's, of a soft skin
+# Young's modulus of a soft skin [Pa]; it affects only the width of the patch.
+MODULUS = 4e5
 
 
 class BallPress:
     """
     Presses a ball perpendicularly on the sensor of a scene, at random places.
 
-    `radius` [m], `force` [N] and `modulus`, Young's modulus of the skin [Pa], determine the
-    contact patch (Hertz). Raises a ConfigurationError if the patch is too wide for the ball, or
-    for the model of a patch.
+    `radius` [m] and `force` [N] determine the contact patch (Hertz). Raises a ConfigurationError
+    if the patch is too wide for the ball, or for the model of a patch.
     """
 
-    def __init__(self, scene: Scene, radius: float, force: float, modulus: float, seed: int):
+    def __init__(self, scene: Scene, radius: float, force: float, seed: int):
         skin, sensor = scene.skin, scene.sensor
         self._array, self._force = sensor.array, force
         # Hertz; a skin on a backing deforms less, but this hardly changes the patch.
-        effective = modulus / (1.0 - skin.poisson**2)
+        effective = MODULUS / (1.0 - skin.poisson**2)
         self._patch = (0.75 * force * radius / effective) ** (1.0 / 3.0)
-        if not 0.0 < self._patch < min(radius, 1.5 * skin.depth):
+        if not self._patch < min(radius, 1.5 * skin.depth):
             raise ConfigurationError(
                 f'a ball of {radius} m and {force} N would touch within {self._patch:.2g} m, must '
                 f'be less than its radius and {1.5 * skin.depth:g} m')
@@ -48,21 +47,21 @@ class BallPress:
         array = self._array
         reach = (np.array([array.size_x, array.size_y]) / 2.0
                  - CLEARANCE * np.array([array.pitch_x, array.pitch_y]))
-        pictures: list[np.ndarray] = []
+        images: list[np.ndarray] = []
         for a, b in self._rng.uniform(-reach, reach, (presses, 2)):
-            self._lasting(np.zeros(array.shape), PAUSE)
-            pictures += self._lasting(self._pressure.point(
-                array.x, array.y[:, None], a, b, self._force, radius=self._patch), HELD)[-KEPT:]
-        return np.array(pictures)
+            self.unloaded(round(PAUSE / PERIOD))
+            pressure = self._pressure.point(
+                array.x, array.y[:, None], a, b, self._force, radius=self._patch)
+            images += self._read(pressure, round(HELD / PERIOD))[-KEPT:]
+        return np.array(images)
 
     def unloaded(self, count: int) -> np.ndarray:
         """Return frames (count, rows, columns) of the unloaded pad."""
-        nothing = np.zeros(self._array.shape)
-        return np.array([self._lasting(nothing, PERIOD)[-1] for _ in range(count)])
+        return np.array(self._read(np.zeros(self._array.shape), count))
 
-    def _lasting(self, pressure, seconds):
+    def _read(self, pressure, count):
         frames = []
-        for _ in range(round(seconds / PERIOD)):
+        for _ in range(count):
             self._now += PERIOD
             frames.append(self._response.counts(pressure, self._rng, self._now))
         return frames

@@ -20,12 +20,11 @@ from tactile_shape.contour.contact_path import ContactPath
 from tactile_shape.contour.outline import find_outline, Outline
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.shape_estimator import ShapeEstimator
-from tactile_simulation.faults import client_lives, delay, FaultySensor
+from tactile_simulation.faults import Faults
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import Late, MockController
-from tactile_simulation.metrics import judged, measure, NAN, percentile
+from tactile_simulation.metrics import accelerations, judged, measure, NAN, percentile
 from tactile_simulation.scene_calibration import calibration_of
-from tactile_simulation.smoothness import accelerations
 from tactile_simulation.world import Course, Truth
 
 STEP = 2.5e-3  # s; control at 400 Hz
@@ -110,10 +109,7 @@ class Simulation:
         if robot is None and seed_positions is None:
             seed_positions = np.zeros(len(self.model.joint_names))
         start = self.model.inverse(scene.start_pose(), seed_positions)
-        self.robot = MockController(
-            self.model.joint_names, self.model.lower, self.model.upper,
-            self.model.velocity_limit, initial_positions=start, rate=1.0 / ROBOT_STEP,
-            dead_time=plant.dead_time, lag=plant.lag)
+        self.robot = MockController(self.model, start, plant, rate=1.0 / ROBOT_STEP)
         config = config or ServoConfig()
         self.servo = self.supervisor(
             self.model, self.limits, make_law(law_for(scene.action, law), config, settings),
@@ -129,7 +125,7 @@ class Simulation:
         self._windows: deque = deque()
         self.sensor_alive = self.robot_alive = True
         self.wrist = wrist
-        self._faults, self._spoiler = faults, FaultySensor(faults, scene.sensor)
+        self._faults = Faults(faults, scene.sensor)
         self._began = math.inf  # start of the first goal [s]
         self.transport = TRANSPORT
         self.log, self.commands = [], []
@@ -145,9 +141,7 @@ class Simulation:
     def picture(self, pose):
         """Return the TactileImage at a pose."""
         counts = self.world.counts(pose, self.rng, self.now)
-        if self._faults:
-            counts = self._spoiler.report(counts, self.now - self._began)
-        layer, saturated = self._convert(counts)
+        layer, saturated = self._convert(self._faults.counts(counts, self.now - self._began))
         stamp_ns = round((self.now + self.scene.plant.stamp_error) * 1e9)
         return TactileImage(stamp_ns, self.tick, (layer,), self.array, tared=True,
                             saturated=saturated)
@@ -170,7 +164,7 @@ class Simulation:
             self.servo.see_contact(contact, image.stamp_ns, self.now)
             self.picture_costs.append(self._clock() - before)
             self._feel(self._path.add_contact(image.stamp_ns, contact, picture=image))
-        if self._faults and client_lives(self._faults, self.now - self._began):
+        if self._faults.client_lives(self.now - self._began):
             self.servo.hear_client()
         if self.wrist:
             self.servo.see_wrench(WEIGHT + self.world.force(pose) * pose[:3, 2], self.now)
@@ -178,7 +172,7 @@ class Simulation:
         status, trajectory = self.servo.cycle(self.now, now_ns)
         self.cycle_costs.append(self._clock() - before)
         if trajectory is not None:
-            late = delay(self._faults, self.now - self._began)
+            late = self._faults.delay(self.now - self._began)
             self._windows.append((self.now + self.transport + late, trajectory))
         self.log.append(Cycle(self.now, status, pose, self.world.force(pose),
                               self.world.shift))

@@ -6,11 +6,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from tactile_common.config import bounded, check_fields
+from tactile_common.config import bounded
 from tactile_common.errors import ConfigurationError
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_simulation.edge_path import EdgePath
-from tactile_simulation.edge_shapes import ARC_STEP
 from tactile_simulation.metrics import largest, NAN, rms
 from tactile_simulation.render import force_on, render
 from tactile_simulation.sensor import Skin
@@ -28,12 +27,8 @@ class Start:
     s: float = bounded(0.02, 'arc length along the edge', 'm', 0.0)
     offset: float = bounded(0.003, 'centre of the pad to the left of the edge', 'm', -0.1, 0.1)
     height: float = bounded(0.004, "of the pad's surface above the edge", 'm', -0.01, 0.5)
-    yaw: float = bounded(
-        0.0, "of the pad about its own +z, away from the edge's direction", 'rad',
-        -math.pi, math.pi)
-
-    def __post_init__(self):
-        check_fields(self, 'start.')
+    yaw: float = bounded(0.0, "of the pad about its own +z, away from the edge's direction",
+                         'degrees', -180.0, 180.0)
 
 
 @dataclass(frozen=True)
@@ -42,9 +37,6 @@ class Slip:
 
     s: float = bounded(MISSING, 'arc length of the pad at which the object slips', 'm', 0.0)
     offset: float = bounded(MISSING, 'by how much, to the left', 'm', -0.1, 0.1)
-
-    def __post_init__(self):
-        check_fields(self, 'slip.')
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +57,10 @@ class EdgeScene(Scene):
 
     @property
     def way(self) -> float:
-        """Length of the edge from the start on [m]."""
         return self.edge.length - self.start.s
 
     @property
     def closed(self) -> bool:
-        """True if the edge is a closed contour."""
         return self.edge.closed
 
     def start_pose(self) -> np.ndarray:
@@ -85,7 +75,8 @@ class EdgeScene(Scene):
         along = np.array([along[0], along[1], 0.0]) / math.hypot(along[0], along[1])
         down = np.array([0.0, 0.0, -1.0])
         left = np.cross(along, down)
-        cos, sin = math.cos(self.start.yaw), math.sin(self.start.yaw)
+        yaw = math.radians(self.start.yaw)
+        cos, sin = math.cos(yaw), math.sin(yaw)
         place = self.edge.point_at(self.start.s) + self.start.offset * left
         pose = np.eye(4)
         pose[:3] = np.column_stack([cos * left + sin * along, cos * along - sin * left, down,
@@ -93,7 +84,6 @@ class EdgeScene(Scene):
         return pose
 
     def world(self) -> 'EdgeWorld':
-        """Return the edge under the pad."""
         return EdgeWorld(self)
 
 
@@ -113,55 +103,46 @@ class EdgeWorld(World):
     defines a slip.
     """
 
-    def __init__(self, scene: EdgeScene):
-        super().__init__(scene)
-        self.edge, self._skin, self._slips = scene.edge, scene.skin, scene.slip
-        self._area = scene.sensor.area
+    scene: EdgeScene
 
     def render(self, pose: np.ndarray) -> np.ndarray:
-        """Return the noise-free pressure at the tactels (rows, columns) [Pa]."""
         self._slip(pose)
-        pressure, _ = render(
-            self._points(pose), self.array, self._skin, self.edge.solid, self._area)
-        return pressure
+        return render(self._points(pose), self.array, self.scene.skin, self.scene.edge.solid,
+                      self.scene.sensor.area)
 
     def force(self, pose: np.ndarray) -> float:
-        """Return the normal force on the rectangle of the array at a pose [N]."""
         self._slip(pose)
-        return self._load(pose)
+        return self._force(pose)
 
-    def _load(self, pose):
-        return force_on(self._points(pose), self.edge.solid, self.array.half_width_x,
-                        self.array.half_width_y, self._skin.stiffness)
+    def _force(self, pose):
+        return force_on(self._points(pose), self.array, self.scene.skin, self.scene.edge.solid)
 
     def _points(self, pose):
         # Rows are points, so the transpose of base -> sensor is needed: the rotation itself.
-        return (self.edge.points + (self.shift - pose[:3, 3])) @ pose[:3, :3]
+        return (self.scene.edge.points + (self.shift - pose[:3, 3])) @ pose[:3, :3]
 
     def _slip(self, pose):
-        slip = self._slips
-        if slip is None or self.shift.any() or self._load(pose) <= 0.0:
+        edge, slip = self.scene.edge, self.scene.slip
+        if slip is None or self.shift.any() or self._force(pose) <= 0.0:
             return
-        _, s = self.edge.nearest(pose[None, :3, 3])
-        if s[0] >= slip.s:
-            along = self.edge.tangent_at(slip.s)
+        if edge.nearest(pose[:3, 3])[1][0] >= slip.s:
+            along = edge.tangent_at(slip.s)
             self.shift = slip.offset * np.array([-along[1], along[0], 0.0])
 
     def truth(self, course: Course) -> EdgeTruth:
-        """Compare a course with the edge."""
-        lateral, along = self.edge.nearest(course.poses[:, :3, 3] - course.shift)
-        reach = self.array.half_width_y
-        settled = course.settled & self.edge.beside(along)
+        edge, reach = self.scene.edge, self.array.half_width_y
+        lateral, along = edge.nearest(course.poses[:, :3, 3] - course.shift)
+        settled = course.settled & edge.beside(along)
         # A pad that extends beyond an end cannot reach the target force.
-        whole = self.edge.closed | ((along >= reach) & (along <= self.edge.length - reach))
+        whole = edge.closed | ((along >= reach) & (along <= edge.length - reach))
         return EdgeTruth(**{**vars(course), 'settled': settled}, on_target=settled & whole,
                          lateral=lateral, along=along)
 
     def numbers(self, truth: EdgeTruth, felt: np.ndarray, force: float) -> dict[str, Any]:
-        """Return the values of a summary that need the edge, see `World.numbers`."""
         settled, along = truth.lateral[truth.settled], truth.along[truth.tracking]
-        transient = truth.tracking & ~truth.settled & self.edge.beside(truth.along)
-        error, area = contour_errors(felt, self.edge)
+        edge = self.scene.edge
+        transient = truth.tracking & ~truth.settled & edge.beside(truth.along)
+        error, area = contour_errors(felt, edge)
         return {
             'edge_length': float(np.ptp(along)) if len(along) else NAN,
             'lateral_rms': rms(settled), 'lateral_max': largest(settled),
@@ -193,11 +174,12 @@ def contour_errors(contour: np.ndarray, edge: EdgePath) -> tuple[float, float]:
         return NAN, NAN
     if edge.closed:
         contour = np.vstack([contour, contour[:1]])
-    contour = contour[np.concatenate([[True], (np.diff(contour, axis=0) != 0.0).any(axis=1)])]
-    error = largest(edge.nearest(_resampled(contour))[0])
+    moved = (np.diff(contour, axis=0) != 0.0).any(axis=1)
+    rebuilt = EdgePath(contour[np.append(True, moved)])
+    error = largest(edge.nearest(rebuilt.samples())[0])
     if not edge.closed:
         return error, NAN
-    missed = largest(EdgePath(contour).nearest(_resampled(edge.points))[0])
+    missed = largest(rebuilt.nearest(edge.samples())[0])
     return max(error, missed), area_of(contour) / area_of(edge.points) - 1.0
 
 
@@ -205,9 +187,3 @@ def area_of(points: np.ndarray) -> float:
     """Return the area of a closed polyline (N, >= 2) seen from above [m^2]."""
     x, y = (points[:, :2] - points[0, :2]).T
     return abs(0.5 * float(x[:-1] @ y[1:] - x[1:] @ y[:-1]))
-
-
-def _resampled(points):
-    path = EdgePath(points)
-    s = np.linspace(0.0, path.length, math.ceil(path.length / ARC_STEP) + 1)
-    return path.point_at(np.union1d(s, path.arclength))

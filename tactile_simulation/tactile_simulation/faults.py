@@ -46,67 +46,63 @@ class Fault:
                 f'fault {text!r}: {kind!r} is none of {", ".join(KINDS)}')
         if match is None or float(match[2]) < 0.0:
             raise ConfigurationError(f'fault {text!r}: must read {FORM}, T from 0 s on')
-        unit, needs = KINDS[kind][1], kind == 'fade'
+        unit = KINDS[kind][1]
         if (match[4] is None) != (unit is None):
             raise ConfigurationError(f'fault {text!r}: {kind} takes ' + (
                 'no =VALUE' if unit is None else f'=VALUE [{unit or "1"}]'))
         lasting = float(match[3] or math.inf)
-        if not lasting > 0.0 or (needs and lasting == math.inf):
+        if not lasting > 0.0 or (kind == 'fade' and lasting == math.inf):
             raise ConfigurationError(f'fault {text!r}: takes :SECONDS above 0')
         return cls(kind, float(match[2]), lasting, float(match[4] or 'nan'))
 
     def acts(self, at: float) -> bool:
-        """Return True if the fault is active `at` seconds after the start of the goal."""
-        return 0.0 <= at - self.since < self.lasting
+        """Return True if the fault is active `at` seconds after the start; `fade` stays."""
+        return self.since <= at and (self.kind == 'fade' or at < self.since + self.lasting)
 
 
-class FaultySensor:
-    """
-    Changes the counts of a sensor according to faults.
-
-    `at` is the time since the start of the goal [s].
-    """
+class Faults:
+    """What the faults do to a simulation; `at` is the time since the start of the goal [s]."""
 
     def __init__(self, faults: Sequence[Fault], sensor: Sensor):
         self._faults, self._sensor = faults, sensor
-        self._frozen: np.ndarray | None = None
+        self._sent: np.ndarray | None = None
 
-    def report(self, counts: np.ndarray, at: float) -> np.ndarray:
+    def counts(self, counts: np.ndarray, at: float) -> np.ndarray:
         """Return the frame that is sent in place of a frame (rows, columns) of counts."""
-        sensor, frozen = self._sensor, False
-        read = counts - sensor.baseline
-        for fault in self._faults:
-            passed = at - fault.since
-            if fault.kind == 'fade' and passed >= 0.0:
-                read = read * max(1.0 - passed / fault.lasting, 0.0)
-            if not fault.acts(at):
-                continue
-            width, kind = counts.shape[1], fault.kind
+        if not self._faults:
+            return counts
+        sensor, width = self._sensor, counts.shape[1]
+        acting = [fault for fault in self._faults if fault.acts(at)]
+        if self._sent is not None and any(fault.kind == 'frozen' for fault in acting):
+            return self._sent
+        read = counts.astype(float) - sensor.baseline
+        for fault in acting:
+            kind, passed = fault.kind, at - fault.since
             if kind in ('zero', 'dead'):
-                read = np.zeros_like(read)
+                read *= 0.0
             elif kind == 'half_dead':
                 read[:, :width // 2] = 0.0
             elif kind == 'middle_dead':
                 read[:, width // 4:width - width // 4] = 0.0
+            elif kind == 'fade':
+                read *= max(1.0 - passed / fault.lasting, 0.0)
             elif kind == 'gain':
-                read = read * fault.value
+                read *= fault.value
             elif kind == 'drift':
-                read = read + fault.value * passed / sensor.pa_per_count
-            frozen |= kind == 'frozen'
-        sent = np.clip(np.rint(read + sensor.baseline), 0, (1 << sensor.bits) - 1).astype(
+                read += fault.value * passed / sensor.pa_per_count
+        self._sent = np.clip(np.rint(read + sensor.baseline), 0, (1 << sensor.bits) - 1).astype(
             counts.dtype)
-        self._frozen = self._frozen if frozen and self._frozen is not None else sent
-        return self._frozen
+        return self._sent
 
+    def delay(self, at: float) -> float:
+        """Return the additional delay of a window that is sent now [s]."""
+        return sum(fault.value for fault in self._faults
+                   if fault.kind == 'late' and fault.acts(at))
 
-def delay(faults: Sequence[Fault], at: float) -> float:
-    """Return the additional delay of a window that is sent now [s]."""
-    return sum(fault.value for fault in faults if fault.kind == 'late' and fault.acts(at))
-
-
-def client_lives(faults: Sequence[Fault], at: float) -> bool:
-    """Return True if the goal's client still sends heartbeats."""
-    return not any(fault.kind == 'stale_client' and fault.acts(at) for fault in faults)
+    def client_lives(self, at: float) -> bool:
+        """Return True if the goal's client sends heartbeats; without faults there is none."""
+        return bool(self._faults) and not any(
+            fault.kind == 'stale_client' and fault.acts(at) for fault in self._faults)
 
 
 def describe_faults() -> str:

@@ -4,7 +4,6 @@ import numpy as np
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 
-TURN = 20.0  # rad, travel of the wrist's joints to each side
 TURN_RATE = 4.0  # rad/s
 TURN_ACCELERATION = 20.0  # rad/s^2
 END_MARGIN = 0.01  # m or rad, end of a joint's travel that the limits exclude
@@ -12,31 +11,31 @@ END_MARGIN = 0.01  # m or rad, end of a joint's travel that the limits exclude
 _JOINT = """
   <joint name="{name}" type="{type}">
     <parent link="{parent}"/><child link="{name}_link"/>
-    <origin xyz="0 0 0" rpy="{rpy}"/><axis xyz="{axis}"/>
+    <origin xyz="0 0 0" rpy="{roll} 0 0"/><axis xyz="{axis}"/>
     <limit lower="-{reach}" upper="{reach}" velocity="{speed}" effort="1"/>
   </joint>
   <link name="{name}_link"/>"""
 _AXES = {'x': '1 0 0', 'y': '0 1 0', 'z': '0 0 1'}
-_SLIDE = {'type': 'prismatic', 'reach': 1.0, 'speed': 0.5}  # m, m/s
 
 
-def gantry_urdf(turn_rate=TURN_RATE):
+def gantry_urdf(turn_rate: float) -> str:
     """Return the URDF: three slides along the base's axes, then yaw, pitch and roll of the pad."""
+    slide = {'type': 'prismatic', 'reach': 1.0, 'speed': 0.5}  # m, m/s
+    turn = {'type': 'revolute', 'reach': 20.0, 'speed': turn_rate}  # rad, rad/s
     parent, joints = 'base', ''
     for name in ('slide_x', 'slide_y', 'slide_z', 'turn_z', 'turn_y', 'turn_x'):
         # At zero the pad looks down, far from the singularity at a pitch of 90 degrees.
         joints += _JOINT.format(
             name=name, parent=parent, axis=_AXES[name[-1]],
-            rpy=f'{np.pi} 0 0' if name == 'turn_z' else '0 0 0',
-            **(_SLIDE if name.startswith('slide') else
-               {'type': 'revolute', 'reach': TURN, 'speed': turn_rate}))
+            roll=np.pi if name == 'turn_z' else 0.0,
+            **(slide if name.startswith('slide') else turn))
         parent = f'{name}_link'
     return f"""<robot name="gantry"><link name="base"/>{joints}
   <joint name="pad" type="fixed"><parent link="{parent}"/><child link="tactile_pad"/></joint>
   <link name="tactile_pad"/></robot>"""
 
 
-def gantry(acceleration, turn_rate=TURN_RATE):
+def gantry(acceleration: float, turn_rate: float = TURN_RATE) -> tuple[RobotModel, JointLimits]:
     """
     Return the RobotModel and JointLimits of the gantry.
 

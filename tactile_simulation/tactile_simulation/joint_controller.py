@@ -5,132 +5,60 @@ The controller samples in the same way as that of ros2_controllers 4 and 5 (Jazz
 position command interfaces (joint_trajectory_controller.cpp, trajectory.cpp), including the
 transitions between trajectories. At time t it commands the trajectory's state one period later.
 Where a new trajectory is joined to that command, it treats the command as the state at time t. A
-trajectory whose first point is in the past is played unchanged. Its messages of rejection are the
-same. Some inputs that it accepts are always mistakes (numbers that are not finite, a joint named
-twice, a time before the start); they are rejected here.
+trajectory whose first point is in the past is played unchanged. Unlike the real one it plays only
+trajectories like those of the servo, whose points have positions and velocities, and rejects
+numbers that are not finite.
 """
 from bisect import bisect_right
-from dataclasses import dataclass, field
-from itertools import pairwise
+from collections import deque
+import math
 from typing import Any
 
 import numpy as np
 
-from tactile_common.config import bounded
 from tactile_common.errors import ConfigurationError, Rejected
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_simulation.plant import DelayedLag
+from tactile_simulation.world import Plant
 
-_VELOCITY_AT_END = float(np.finfo(np.float32).eps)  # rad/s; the controller's limit for zero
+RATE = 500.0  # Hz
 LONGEST_STALL = 0.5  # s, longest delay that is caught up; a clock that jumps farther is set anew
+_VELOCITY_AT_END = float(np.finfo(np.float32).eps)  # rad/s; the controller's limit for zero
 _TOLERANCE = 1e-6  # relative; smaller violations of a limit are rounding errors
-
-
-@dataclass(frozen=True)
-class MockRobotConfig:
-    """Parameters of the mock robot."""
-
-    robot_description: str = field(default='', metadata={
-        'doc': 'URDF of the robot: path of a file, or the XML itself'})
-    tip_frame: str = field(default='tactile_pad', metadata={
-        'doc': 'link of the URDF that is the sensor frame'})
-    scene: str = field(default='', metadata={
-        'doc': "scene file whose start pose the sensor begins at; '' = none"})
-    initial_positions: tuple[float, ...] = field(default=(), metadata={
-        'doc': 'joint positions at the start or, with a scene, where the search for those of '
-               'its start pose begins; [] = chosen', 'unit': 'rad'})
-    rate: float = bounded(
-        500.0, 'rate of the controller and of the joint states', 'Hz', 10.0, 2000.0)
-    dead_time: float = bounded(0.0025, 'time from a command to the first motion', 's', 0.0, 1.0)
-    lag: float = bounded(
-        0.010, 'time constant with which a joint follows its command', 's', 0.0, 1.0)
-    interpolate_from_desired_state: bool = field(default=True, metadata={
-        'doc': 'start a new trajectory from the desired, not from the measured state'})
-    controller: str = field(default='/joint_trajectory_controller', metadata={
-        'doc': 'name of the controller; its topic is joint_trajectory below it'})
-
-
-def _basis(known: int) -> np.ndarray:
-    """
-    Return polynomials of u in [0, 1] that each meet one of 2 * known conditions, (3, 2k, 2k).
-
-    The array contains the coefficients of u^0, u^1, ... of the values and of their first and
-    second derivatives.
-    """
-    derivative = np.diag(np.arange(1.0, 2 * known), 1)
-    orders = [np.linalg.matrix_power(derivative, order) for order in range(3)]
-    at_ends = np.array([*(it[0] for it in orders[:known]), *(
-        it.sum(axis=0) for it in orders[:known])])
-    return np.stack(orders) @ np.linalg.inv(at_ends)
-
-
-_BASES = {known: _basis(known) for known in (1, 2, 3)}
-
-
-def hermite(first: np.ndarray, last: np.ndarray, duration: float) -> np.ndarray:
-    """
-    Return the polynomial of least degree between two states `duration` [s] apart, u from 0 to 1.
-
-    Each state is (1 to 3, n): position, velocity, acceleration; rows that only one state has are
-    not used. The result contains the coefficients (3, powers of u, n) of position, velocity and
-    acceleration.
-    """
-    known = min(len(first), len(last))
-    scale = duration ** np.arange(3.0)[:, None]
-    conditions = np.concatenate([scale[:known] * first[:known], scale[:known] * last[:known]])
-    return _BASES[known] @ conditions / scale[:, None]
-
-
-class Spline:
-    """
-    A trajectory as polynomials in time, beginning at a state before its first point.
-
-    A segment is quintic if position, velocity and acceleration are known at both ends, cubic if
-    position and velocity are known, otherwise linear. After the end the state stays at the last
-    point. A first point that is not in the future is reached at once. A segment's polynomial is
-    computed when the segment is reached, because most trajectories of a stream are replaced during
-    their first segment.
-
-    Parameters
-    ----------
-    before, state : float, ndarray (2 or 3, n)
-        Time [s] at which the motion to the first point begins, and the state at this time:
-        position, velocity and, if known, acceleration.
-    start : float
-        Time to which the trajectory's times are relative [s].
-    trajectory : Trajectory
-    order : list of int, or slice
-        Columns of the trajectory in the order of the joints.
-    """
-
-    def __init__(self, before: float, state: np.ndarray, start: float, trajectory: Trajectory,
-                 order: list[int] | slice):
-        rows = [trajectory.positions]
-        if trajectory.velocities is not None:
-            rows.append(trajectory.velocities)
-            if trajectory.accelerations is not None:
-                rows.append(trajectory.accelerations)
-        self._times = [before, *(start + np.asarray(trajectory.times, dtype=float)).tolist()]
-        self._states = [state, *np.stack(rows, axis=1)[:, :, order]]
-        self._segment = 0  # segment of the polynomial
-        self._polynomial: np.ndarray = np.empty((3, 0, 0))
-
-    def sample(self, now: float) -> np.ndarray:
-        """Return position, velocity and acceleration (3, n) at a time [s]."""
-        segment = bisect_right(self._times, now, lo=1)  # index of its end point
-        if segment == len(self._times):
-            last = self._states[-1]
-            return np.concatenate([last, np.zeros((3 - len(last), last.shape[1]))])
-        begin, end = self._times[segment - 1:segment + 1]
-        if segment != self._segment:
-            self._segment, self._polynomial = segment, hermite(
-                self._states[segment - 1], self._states[segment], end - begin)
-        powers = np.arange(self._polynomial.shape[1])
-        return ((now - begin) / (end - begin)) ** powers @ self._polynomial
 
 
 class Late(Rejected):
     """A trajectory that had ended when it arrived: nothing moves, and the next one is in time."""
+
+
+class Spline:
+    """
+    Cubic polynomials through the points of a trajectory, from a state (2 or 3, n) on.
+
+    The state is that at the time `before` [s]; the times of the trajectory are relative to `start`
+    [s]. After the end the state stays at the last point. A first point that is not in the future
+    is reached at once.
+    """
+
+    def __init__(self, before: float, state: np.ndarray, start: float, trajectory: Trajectory):
+        self._times = [before, *(start + trajectory.times).tolist()]
+        self._positions = [state[0], *trajectory.positions]
+        self._velocities = [state[1], *np.asarray(trajectory.velocities)]
+
+    def sample(self, now: float) -> np.ndarray:
+        """Return position, velocity and acceleration (3, n) at a time [s]."""
+        index = bisect_right(self._times, now, lo=1)  # of the segment's end
+        if index == len(self._times):
+            last = self._positions[-1]
+            return np.stack([last, np.zeros_like(last), np.zeros_like(last)])
+        begin, end = self._times[index - 1:index + 1]
+        (p0, p1), (v0, v1) = (
+            values[index - 1:index + 1] for values in (self._positions, self._velocities))
+        span, u = end - begin, (now - begin) / (end - begin)
+        mean = (p1 - p0) / span
+        square, cube = 3.0 * mean - 2.0 * v0 - v1, v0 + v1 - 2.0 * mean
+        return np.stack([p0 + span * u * (v0 + u * (square + u * cube)),
+                         v0 + u * (2.0 * square + 3.0 * u * cube),
+                         (2.0 * square + 6.0 * u * cube) / span])
 
 
 class MockController:
@@ -139,14 +67,17 @@ class MockController:
 
     Parameters
     ----------
-    joint_names : sequence of str
-        Order of every joint vector (n joints).
-    lower, upper, velocity_limit : array_like (n,)
-        Limits of position (infinite if there are none) and velocity [rad or m, per s].
-    initial_positions : array_like (n,)
+    robot : RobotModel
+        Its joint names, position and velocity limits are used.
+    positions : array_like (n,)
         Positions of the joints until a trajectory arrives [rad or m].
-    rate, dead_time, lag, interpolate_from_desired_state
-        As in `MockRobotConfig`.
+    plant : Plant
+        Dead time and lag of the joints.
+    rate : float
+        Of the controller [Hz].
+    from_desired : bool
+        As the controller's `interpolate_from_desired_state`: a new trajectory starts from the
+        desired, not from the measured state.
 
     Attributes
     ----------
@@ -160,46 +91,34 @@ class MockController:
     Raises
     ------
     ConfigurationError
-        A vector has the wrong length or a value is out of bounds.
+        The positions are not one for each joint, or outside its limits.
     """
 
-    def __init__(self, joint_names, lower, upper, velocity_limit, *, initial_positions,
-                 rate=MockRobotConfig.rate, dead_time=MockRobotConfig.dead_time,
-                 lag=MockRobotConfig.lag,
-                 interpolate_from_desired_state=MockRobotConfig.interpolate_from_desired_state):
-        self.joint_names = tuple(joint_names)
-        self._lower, self._upper, self._velocity_limit, start = (
-            self._vector(name, values) for name, values in (
-                ('lower', lower), ('upper', upper), ('velocity_limit', velocity_limit),
-                ('initial_positions', initial_positions)))
-        if not np.all(self._velocity_limit > 0.0):
-            raise ConfigurationError(f'velocity_limit: {self._velocity_limit} must be above 0')
+    def __init__(self, robot: Any, positions: Any, plant: Plant, *, rate: float = RATE,
+                 from_desired: bool = True):
+        self._robot, start = robot, np.array(positions, dtype=float)
+        if start.shape != robot.lower.shape:
+            raise ConfigurationError(f'initial positions: {start.tolist()}, must be '
+                                     f'{len(robot.joint_names)} numbers, one a joint')
         for name, q, low, high in zip(
-                self.joint_names, start, self._lower, self._upper, strict=True):
+                robot.joint_names, start, robot.lower, robot.upper, strict=True):
             if not low <= q <= high:
                 raise ConfigurationError(
-                    f'initial_positions: {name} = {q:.6g}, must be within {low:.6g}..{high:.6g}')
-        self.interpolate_from_desired_state = interpolate_from_desired_state
-        self._period, self._joints = 1.0 / rate, DelayedLag(start, dead_time, lag)
+                    f'initial positions: {name} = {q:.6g}, must be within {low:.6g}..{high:.6g}')
+        self._from_desired, self._period = from_desired, 1.0 / rate
+        self._joints = DelayedLag(start, plant.dead_time, plant.lag)
         self.limit_violations, self.active = 0, True
         self._restart(start)
 
-    def _vector(self, name, values):
-        vector = np.array(values, dtype=float)
-        if vector.shape != (len(self.joint_names),) or np.any(np.isnan(vector)):
-            raise ConfigurationError(
-                f'{name}: {vector.tolist()}, must be {len(self.joint_names)} numbers, one a joint')
-        return vector
-
     def _restart(self, positions):
         self._time: float | None = None
+        self._command = positions
         self._hold()
-        self.commanded = np.zeros((3, len(positions)))
-        self.commanded[0] = self._command = positions
 
     def _hold(self):
         self._spline: Spline | None = None
-        self._pending: tuple[Trajectory, Any] | None = None
+        self._pending: Trajectory | None = None
+        self.commanded = np.stack([self._command, *np.zeros((2, len(self._command)))])
 
     def activate(self, active: bool) -> None:
         """
@@ -209,58 +128,37 @@ class MockController:
         """
         self.active = active
         self._hold()
-        self.commanded[0], self.commanded[1:] = self._command, 0.0
 
     def accept(self, trajectory: Trajectory, now: float) -> None:
         """
         Execute a trajectory from the next step on, or raise an error and change nothing.
 
-        Its joints may have any order; `now` is the time of the clock of its stamp [s]. A
-        controller that is not active checks the trajectory and drops it.
+        `now` is the time of the clock of its stamp [s]. A controller that is not active checks
+        the trajectory and drops it.
 
         Raises
         ------
         Rejected
             The message contains the reason.
         """
-        self._check(trajectory, now)
-        names = trajectory.joint_names
-        order = (slice(None) if names == self.joint_names
-                 else [names.index(name) for name in self.joint_names])
-        if self.active:
-            self._pending = trajectory, order
-
-    def _check(self, trajectory, now):
-        names, times = trajectory.joint_names, np.asarray(trajectory.times, dtype=float).tolist()
-        if len(names) != len(self.joint_names):
-            raise Rejected("Joints on incoming trajectory don't match the controller joints.")
-        if len(times) == 0:
-            raise Rejected('Empty trajectory received.')
-        for name in names:
-            if name not in self.joint_names:
-                raise Rejected(f"Incoming joint {name} doesn't match the controller's joints.")
-        if len(set(names)) < len(names):
-            raise Rejected(f'Incoming joints {", ".join(names)}: one is named twice.')
-        for name in ('times', 'positions', 'velocities', 'accelerations'):
-            values = getattr(trajectory, name)
-            missing = values is None and name == 'positions'
-            if missing or not (values is None or np.isfinite(values).all()):
+        names, times = trajectory.joint_names, trajectory.times
+        if names != self._robot.joint_names:
+            raise Rejected(f'joints are {", ".join(names) or "none"}, must be '
+                           f'{", ".join(self._robot.joint_names)}')
+        if len(times) == 0 or trajectory.velocities is None:
+            raise Rejected('the trajectory has no points with velocities')
+        for name in ('times', 'positions', 'velocities'):
+            if not np.isfinite(getattr(trajectory, name)).all():
                 raise Rejected(f'{name} must be finite numbers')
-        if trajectory.velocities is not None:
-            for name, velocity in zip(names, trajectory.velocities[-1].tolist(), strict=True):
-                if abs(velocity) > _VELOCITY_AT_END:
-                    raise Rejected(f'Velocity of last trajectory point of joint {name} is not '
-                                   f'zero: {velocity:.15f}')
-        start = 1e-9 * trajectory.stamp_ns
-        if start != 0.0 and start + times[-1] < now:
-            raise Late(f'Received trajectory with non-zero start time ({start:f}) that ends '
-                       f'in the past ({start + times[-1]:f})')
-        if times[0] < 0.0:
-            raise Rejected(f'Time of point 0 is {times[0]:f}, before the start')
-        for k, (time, after) in enumerate(pairwise(times)):
-            if after <= time:
-                raise Rejected(f'Time between points {k} and {k + 1} is not strictly increasing, '
-                               f'it is {time:f} and {after:f} respectively')
+        if times[0] < 0.0 or (np.diff(times) <= 0.0).any():
+            raise Rejected('times must not be negative, and strictly increase')
+        if (abs(trajectory.velocities[-1]) > _VELOCITY_AT_END).any():
+            raise Rejected('velocity of the last point is not zero')
+        end = 1e-9 * trajectory.stamp_ns + times[-1]
+        if trajectory.stamp_ns and end < now:
+            raise Late(f'the trajectory has ended {now - end:.6f} s ago')
+        if self.active:
+            self._pending = trajectory
 
     def step(self, now: float) -> tuple[np.ndarray, np.ndarray]:
         """
@@ -276,7 +174,7 @@ class MockController:
         measured = self._joints.advance(now)
         elapsed = self._period if self._time is None else now - self._time
         if self._pending is not None:
-            self._take_over(*self._pending, now, measured)
+            self._take_over(self._pending, now, measured)
         if self._spline is not None:
             self.commanded = self._spline.sample(now + self._period)
         self._time = now
@@ -299,20 +197,73 @@ class MockController:
         """Return positions and velocities (n,) of the joints at a time after the last step [s]."""
         return self._joints.advance(now)
 
-    def _take_over(self, trajectory, order, now, measured):
+    def _take_over(self, trajectory, now, measured):
         self._pending = None
         before, state = now, np.array(measured)
-        if self.interpolate_from_desired_state:
+        if self._from_desired:
             # The command for one period after the last step counts as the state at that step.
             before, state = now if self._time is None else self._time, self.commanded
-        start = 1e-9 * trajectory.stamp_ns or now
-        self._spline = Spline(before, state, start, trajectory, order)
+        self._spline = Spline(before, state, 1e-9 * trajectory.stamp_ns or now, trajectory)
 
     def _limited(self, wanted, elapsed):
         """Return the command (n,) within the limits; count the step if they changed it."""
-        reach, before = self._velocity_limit * elapsed, self._command
-        command = np.clip(wanted, self._lower, self._upper)
+        reach, before = self._robot.velocity_limit * elapsed, self._command
+        command = np.clip(wanted, self._robot.lower, self._robot.upper)
         command = np.clip(command, before - reach, before + reach)
         self.limit_violations += bool((abs(command - wanted) > _TOLERANCE * reach + 1e-9).any())
         self._command = command
         return command
+
+
+class DelayedLag:
+    """
+    Joints that are initially at rest at `position` (n,); `dead_time` and `lag` [s] may be 0.
+
+    Commands are connected by straight lines; the last one is held. The solution is exact at any
+    time.
+    """
+
+    def __init__(self, position: np.ndarray, dead_time: float, lag: float):
+        self._dead_time, self._lag = dead_time, lag
+        self.position = np.array(position, dtype=float)
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the time and all pending commands; come to rest."""
+        self.velocity = np.zeros_like(self.position)
+        self._time = -math.inf
+        self._last = -math.inf, self.position  # last knot that the joints have passed
+        self._knots: deque[tuple[float, np.ndarray]] = deque()
+
+    def command(self, when: float, position: np.ndarray) -> None:
+        """Set a command `position` (n,) for a time [s] that is later than the one before."""
+        self._knots.append((when + self._dead_time, position))
+
+    def advance(self, now: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return position and velocity (n,) at a time [s], which must not go back."""
+        if self._time == -math.inf:  # at rest until now
+            self._time, self._last = now, (now, self.position)
+        while self._time < now:
+            since, start = self._last
+            # After the last command: hold until now, so that the next line begins here.
+            until, goal = self._knots[0] if self._knots else (now, start)
+            end = min(until, now)
+            if end > self._time:
+                slope = (goal - start) / (until - since)
+                self._follow(start + slope * (end - since), slope, end - self._time)
+                self._time = end
+            if until <= now:
+                self._last = until, goal
+                if self._knots:
+                    self._knots.popleft()
+        return self.position, self.velocity
+
+    def _follow(self, command, slope, time):
+        """Move for a time [s], at whose end the command that changes steadily is `command`."""
+        if self._lag == 0.0:
+            self.position, self.velocity = command, slope
+            return
+        settled = command - self._lag * slope
+        off = self.position - (settled - slope * time)
+        self.position = settled + off * math.exp(-time / self._lag)
+        self.velocity = (command - self.position) / self._lag

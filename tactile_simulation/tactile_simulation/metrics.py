@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_simulation.smoothness import scatter
 from tactile_simulation.world import Truth, World
 
 NAN = float('nan')
+TREND = 0.1  # s over which a speed is averaged; the departure from this mean is scatter
 BUSY = 0.05  # share of the planned control cycles; a machine that misses more is too busy
 
 
@@ -33,19 +33,52 @@ def rms(values: np.ndarray) -> float:
 
 def largest(values: np.ndarray) -> float:
     """Return the largest finite magnitude."""
-    values = np.abs(values[np.isfinite(values)])
+    values = np.abs(values)
+    values = values[np.isfinite(values)]
     return float(values.max()) if len(values) else NAN
-
-
-def roughest(accelerations: np.ndarray) -> float:
-    """Return the largest RMS of the joints' accelerations (K, n)."""
-    return (largest(np.sqrt(np.nanmean(accelerations**2, axis=0))) if accelerations.size
-            else NAN)
 
 
 def percentile(values: Sequence[float] | np.ndarray, percent: float = 50.0) -> float:
     """Return a percentile; by default the median."""
     return float(np.percentile(values, percent)) if len(values) else NAN
+
+
+def speeds(time: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """
+    Return the speed [m/s] since the previous sample, (N,); NaN if unknown.
+
+    `time` (N,) is in s, `positions` (N, 3) in m.
+    """
+    if not len(time):
+        return np.empty(0)
+    spans = np.diff(time, prepend=np.nan)
+    return np.linalg.norm(np.diff(positions, axis=0, prepend=np.nan), axis=1) / np.where(
+        spans > 0.0, spans, np.nan)
+
+
+def accelerations(time: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """Return the second difference (N - 2, n) [1/s^2] of positions (N, n) at N times [s]."""
+    if len(time) < 3:
+        return np.empty((0, positions.shape[1] if positions.ndim == 2 else 0))
+    steps = np.diff(time)[:, None]
+    velocities = np.diff(positions, axis=0) / np.where(steps > 0.0, steps, np.nan)
+    return np.diff(velocities, axis=0) / (0.5 * (steps[1:] + steps[:-1]))
+
+
+def scatter(time: np.ndarray, speed: np.ndarray, chosen: np.ndarray) -> float:
+    """
+    Return the standard deviation [m/s] of a speed (N,) about its mean over `TREND`.
+
+    Only windows in which all samples are `chosen` and finite count.
+    """
+    known = chosen & np.isfinite(speed)
+    if np.count_nonzero(known) < 3:
+        return NAN
+    half = max(1, round(0.5 * TREND / float(np.median(np.diff(time[known])))))
+    window = np.ones(2 * half + 1)
+    whole = np.convolve(known, window, 'same') > 2 * half + 0.5
+    trend = np.convolve(np.where(known, speed, 0.0), window, 'same') / len(window)
+    return float(np.std((speed - trend)[whole])) if whole.any() else NAN
 
 
 class Metric(NamedTuple):
@@ -105,8 +138,10 @@ def measure(truth: Truth, force: float, acceleration: np.ndarray) -> dict[str, f
         'force_target': force, 'force_mean': float(np.mean(held)) if len(held) else NAN,
         'force_rms_error': rms(held - force), 'force_max': largest(truth.force),
         'joint_acceleration_max': largest(acceleration),
-        'joint_acceleration_rms': roughest(acceleration),
-        'pad_speed_scatter': scatter(truth.time, truth.speed, truth.settled),
+        'joint_acceleration_rms': largest(np.array(
+            [rms(joint[np.isfinite(joint)]) for joint in acceleration.T])),
+        'pad_speed_scatter': scatter(
+            truth.time, speeds(truth.time, truth.poses[:, :3, 3]), truth.settled),
         'speed_mean': float(np.ptp(way)) / lasted if lasted > 0.0 else NAN}
 
 

@@ -40,13 +40,6 @@ def label(axes, xlabel='', ylabel='', title=''):
     axes.set_axisbelow(True)
 
 
-def note(axes, x, y, text, colour=INK, **options):
-    """Write a text on a pale background at a place in data coordinates."""
-    options = {'ha': 'left', 'va': 'center', **options}
-    axes.annotate(text, (x, y), fontsize=9.5, color=colour, bbox={
-        'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0, 'alpha': 0.8}, **options)
-
-
 def equal_axes(axes):
     """Set equal scales, and a minimum width and height for a straight edge."""
     limits = np.array([axes.get_xlim(), axes.get_ylim()])
@@ -74,7 +67,7 @@ def show_contacts(figure, above, side, points, scene):
 
 
 def draw(simulation, path) -> None:
-    """Draw the tracked object, the path over it and the errors; the file name sets the format."""
+    """Draw the tracked object, the path over it, and errors or force; the suffix is the format."""
     figure = new_figure(10.0, 7.0)
     (_edge if simulation.scene.action == 'track_edge' else _surface)(figure, simulation)
     figure.suptitle(simulation.scene.name)
@@ -83,9 +76,7 @@ def draw(simulation, path) -> None:
 
 def _edge(figure, simulation):
     edge, truth = simulation.scene.edge, simulation.truth()
-    wide, high = np.ptp(edge.points[:, :2], axis=0)
-    plan, errors = figure.subplots(1, 2, width_ratios=(1, 1.6)) if high > wide else \
-        figure.subplots(2, 1, height_ratios=(2, 1))
+    plan, errors = figure.subplots(1, 2, width_ratios=(1, 1.6))
     outline = np.where(np.repeat(edge.solid, 2)[:, None], np.repeat(
         edge.points, 2, axis=0)[1:-1], np.nan)
     contour = simulation.servo.result().contour
@@ -110,13 +101,8 @@ def _edge(figure, simulation):
 
 def _surface(figure, simulation):
     truth = simulation.truth()
-    (above, side), (force, place) = figure.subplots(2, 2)
+    above, side, force = figure.subplots(1, 3)
     show_contacts(figure, above, side, simulation.felt(), simulation.scene)
     way = 1e3 * truth.progress[truth.tracking]
     force.plot(way, truth.force[truth.tracking], color=BLUE)
     label(force, 'way [mm]', 'force [N]')
-    for axis, colour in enumerate((BLUE, ORANGE)):
-        place.plot(way, 1e3 * truth.place[truth.tracking, axis], color=colour, linewidth=1.0,
-                   label='xy'[axis])
-    label(place, 'way [mm]', "contact from the pad's centre [mm]")
-    place.legend(fontsize=9.5, frameon=False)

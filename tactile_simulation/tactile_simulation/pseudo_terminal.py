@@ -27,12 +27,8 @@ class PseudoTerminal:
         if not link:
             raise ConfigurationError("parameter 'port' is '', must be the path of a link to make")
         self._link = Path(link)
-        if self._link.is_symlink():
-            target = os.readlink(self._link)
-            if not target.startswith(_TERMINALS):
-                raise ConfigurationError(
-                    f"parameter 'port': {link} is a link to {target}, must be free")
-        elif self._link.exists():
+        left_behind = self._link.is_symlink() and os.readlink(link).startswith(_TERMINALS)
+        if os.path.lexists(link) and not left_behind:
             raise ConfigurationError(
                 f"parameter 'port': {link} exists and is not a mock sensor's, must be free")
         self._master, slave = os.openpty()
@@ -68,6 +64,12 @@ class PseudoTerminal:
         self._unsent = data[sent:] if sent else b''
         return sent > 0
 
+    def _put(self, data):
+        try:
+            return os.write(self._master, data)
+        except BlockingIOError:
+            return 0
+
     def read(self) -> bytes:
         """Return the data sent by the listener; empty if there are none."""
         try:
@@ -81,15 +83,6 @@ class PseudoTerminal:
 
     def close(self) -> None:
         """Remove the link, unless it now belongs to another terminal, and hang up."""
-        try:
-            if os.readlink(self._link) == self._target:
-                self._link.unlink()
-        except OSError:  # the link is missing or has been replaced
-            pass
+        if self._link.is_symlink() and os.readlink(self._link) == self._target:
+            self._link.unlink(missing_ok=True)
         os.close(self._master)
-
-    def _put(self, data):
-        try:
-            return os.write(self._master, data)
-        except BlockingIOError:
-            return 0

@@ -1,36 +1,31 @@
 """Pressure on a tactile array that is indented by a rigid edge."""
 from functools import lru_cache
-import math
 
 import numpy as np
 
 from tactile_common.kernels import FAST, njit
-from tactile_sensing.half_space.kernels import add_point, add_segment
 from tactile_sensing.skin import kernels
 from tactile_sensing.skin.kernel import polynomials
 from tactile_sensing.skin.pressure import split_tactel
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.sensor import Skin
 
-# Chords up to this length are replaced by a point load at their middle; longer ones are
-# integrated in closed form [depths of the skin].
+# Chords up to this length are replaced by a point load at their middle [depths of the skin].
 SHORT = 0.125
 # Loads farther from the pad than this add less than 1e-4 of the peak [depths].
 REACH = 8.0
 PANEL = 0.8  # length of edge represented by three Gauss points [depths]
-_POINTS = np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
-_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(3)
+WEIGHTS /= 2.0  # their sum is 1
 
 
-def render(points, array: TactelArray, skin: Skin,
-           solid: np.ndarray | None = None, area: float = 0.0) -> tuple[np.ndarray, float]:
+def render(points: np.ndarray, array: TactelArray, skin: Skin,
+           solid: np.ndarray | None = None, area: float = 0.0) -> np.ndarray:
     """
-    Return the pressure under a rigid edge that indents the skin, and its force.
+    Return the pressure (rows, columns) under a rigid edge that indents the skin [Pa].
 
-    The load per length is `stiffness` times the indentation. The pressure is the superposition of
-    finite line loads. In a half-space with point tactels, the point load (2.2) without shear is
-    integrated along each chord in closed form. With a backing, or tactels that average over an
-    area, the pressure of `skin.kernel` is integrated with Gauss points.
+    The load per length is `stiffness` times the indentation; the pressure is the sum over point
+    loads at Gauss points along the edge, see `skin.kernel`.
 
     Parameters
     ----------
@@ -42,25 +37,56 @@ def render(points, array: TactelArray, skin: Skin,
         Which chords have material, shape `(M - 1,)`; default all.
     area : float
         Side of the square over which a tactel averages [pitches]; 0: it samples its centre.
-
-    Returns
-    -------
-    pressure : np.ndarray
-        At the tactels [Pa], shape `(rows, columns)`, compression positive.
-    force : float
-        Normal force [N] of the loads within the rectangle of the array.
     """
-    points = np.ascontiguousarray(points, dtype=np.float64)
-    if solid is None:
-        solid = np.ones(len(points) - 1, np.bool_)
-    if area == 0.0 and skin.layer.is_half_space:
-        pressure = _pressure(points, solid, array.x, array.y, skin.depth, skin.stiffness)
-    else:
-        shape, nodes = _point_shape(skin, area * array.pitch_x, area * array.pitch_y)
-        pressure = _skin_pressure(
-            points, solid, array.x, array.y, nodes, shape, skin.depth, skin.stiffness)
-    return pressure, force_on(
-        points, solid, array.half_width_x, array.half_width_y, skin.stiffness)
+    reach = REACH * skin.depth
+    starts, chords = _loaded(points, solid, abs(array.x[0]) + reach, abs(array.y[0]) + reach)
+    shape, nodes = _point_shape(skin, area * array.pitch_x, area * array.pitch_y)
+    pressure = np.zeros(array.shape)
+    places, loads = _point_loads(starts, chords, skin)
+    _add_points(pressure, array.x, array.y, nodes, shape, skin.depth, places, loads)
+    return pressure
+
+
+def force_on(points: np.ndarray, array: TactelArray, skin: Skin,
+             solid: np.ndarray | None = None) -> float:
+    """Return the force of an edge on the rectangle of an array [N]; arguments as of `render`."""
+    starts, chords = _loaded(points, solid, array.half_width_x, array.half_width_y)
+    indentation = -(starts[:, 2] + 0.5 * chords[:, 2])
+    return float(skin.stiffness * indentation @ np.linalg.norm(chords, axis=1))
+
+
+def _loaded(points, solid, half_x, half_y):
+    """Return starts and chords (K, 3) of the parts in a rectangle and below the surface."""
+    points = np.asarray(points, dtype=float)
+    starts, chords = points[:-1], np.diff(points, axis=0)
+    if solid is not None:
+        starts, chords = starts[solid], chords[solid]
+    # In each row a place on a chord, begin + share * slope, must not be positive.
+    begin = np.stack([starts[:, 0] - half_x, -starts[:, 0] - half_x,
+                      starts[:, 1] - half_y, -starts[:, 1] - half_y, starts[:, 2]])
+    slope = np.stack([chords[:, 0], -chords[:, 0], chords[:, 1], -chords[:, 1], chords[:, 2]])
+    with np.errstate(divide='ignore', invalid='ignore'):
+        share = -begin / slope
+    first = np.where(slope < 0.0, share, 0.0).max(axis=0).clip(min=0.0)
+    last = np.where(slope > 0.0, share, 1.0).min(axis=0).clip(max=1.0)
+    last[((slope == 0.0) & (begin > 0.0)).any(axis=0)] = 0.0
+    part = last > first
+    first, last, chords = first[part, None], last[part, None], chords[part]
+    return starts[part] + first * chords, (last - first) * chords
+
+
+def _point_loads(starts, chords, skin):
+    """Return the places (L, 2) [m] and loads (L,) [N] of the Gauss points of chords."""
+    length = np.linalg.norm(chords, axis=1)
+    count = np.maximum(np.ceil(length / (PANEL * skin.depth)), 1).astype(int)
+    chord = np.repeat(np.arange(len(chords)), count)  # of each panel
+    number = np.arange(len(chord)) - np.repeat(count.cumsum() - count, count)
+    share = (number[:, None] + 0.5 + 0.5 * GAUSS) / count[chord, None]
+    places = starts[chord, None] + share[..., None] * chords[chord, None]
+    weights = np.where((length <= SHORT * skin.depth)[chord, None], [0.0, 1.0, 0.0], WEIGHTS)
+    loads = -skin.stiffness * places[..., 2] * weights * (length / count)[chord, None]
+    loaded = loads > 0.0
+    return places[loaded][:, :2], loads[loaded]
 
 
 @lru_cache(maxsize=16)
@@ -72,110 +98,16 @@ def _point_shape(skin, size_x, size_y):
     return kernels.sharp_point(polynomials(skin.layer, side), skin.depth), nodes
 
 
-@njit(cache=True)
-def _loaded_part(start, end, half_x, half_y):
-    """Return the shares of a chord where it enters and leaves a rectangle below the surface."""
-    first, last = 0.0, 1.0
-    # Each row requires position + share * slope <= 0.
-    for axis, sign, bound in (
-            (0, 1.0, half_x), (0, -1.0, half_x), (1, 1.0, half_y), (1, -1.0, half_y),
-            (2, 1.0, 0.0)):
-        position = sign * start[axis] - bound
-        slope = sign * (end[axis] - start[axis])
-        if slope > 0.0:
-            last = min(last, -position / slope)
-        elif slope < 0.0:
-            first = max(first, -position / slope)
-        elif position > 0.0:
-            return 0.0, 0.0
-    return first, last
-
-
-@njit(cache=True)
-def _length(start, end):
-    return math.sqrt(
-        (end[0] - start[0])**2 + (end[1] - start[1])**2 + (end[2] - start[2])**2)
-
-
-@njit(cache=True, nogil=True)
-def force_on(points, solid, half_x, half_y, stiffness):
-    force = 0.0
-    for n in range(len(points) - 1):
-        if not solid[n]:
-            continue
-        start, end = points[n], points[n + 1]
-        first, last = _loaded_part(start, end, half_x, half_y)
-        if last > first:
-            middle = 0.5 * (first + last)
-            indentation = -(start[2] + middle * (end[2] - start[2]))
-            force += stiffness * indentation * (last - first) * _length(start, end)
-    return force
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def _pressure(points, solid, x, y, depth, stiffness):
-    pressure = np.zeros((len(y), len(x)))
-    far_x = abs(x[0]) + REACH * depth
-    far_y = abs(y[0]) + REACH * depth
-    for n in range(len(points) - 1):
-        if not solid[n]:
-            continue
-        start, end = points[n], points[n + 1]
-        first, last = _loaded_part(start, end, far_x, far_y)
-        if last <= first:
-            continue
-        length = _length(start, end)
-        x0, y0, z0 = start + first * (end - start)
-        x1, y1, z1 = start + last * (end - start)
-        plan = math.hypot(x1 - x0, y1 - y0)
-        # Load per horizontal length, so that an inclined chord carries its whole load.
-        share = stiffness * length * (last - first)
-        if plan <= SHORT * depth:
-            add_point(pressure, x, y, depth, 0.5 * (x0 + x1), 0.5 * (y0 + y1),
-                      -0.5 * (z0 + z1) * share)
-        else:
-            add_segment(pressure, x, y, depth, x0, y0, x1, y1,
-                        -z0 * share / plan, -z1 * share / plan)
-    return pressure
-
-
-@njit(error_model='numpy', fastmath=FAST)
-def _add_source(pressure, x, y, nodes, of_f, centre, px, py, load):
-    """Add the pressure of a point load [N]."""
-    for j in range(nodes.shape[0]):
-        dx, dy = nodes[j, 0] - px, nodes[j, 1] - py
-        for r in range(y.size):
-            row, v = pressure[r], y[r] + dy
-            for c in range(x.size):
-                u = x[c] + dx
-                row[c] += load * kernels.value_of(of_f, centre / (u * u + v * v + centre))
-
-
-@njit(cache=True, nogil=True, error_model='numpy')
-def _skin_pressure(points, solid, x, y, nodes, shape, depth, stiffness):
-    pressure = np.zeros((len(y), len(x)))
-    of_f = kernels.coefficients_of(shape)
-    centre, part = kernels.centre_of(depth), 1.0 / nodes.shape[0]
-    far_x = abs(x[0]) + REACH * depth
-    far_y = abs(y[0]) + REACH * depth
-    for n in range(len(points) - 1):
-        if not solid[n]:
-            continue
-        start, end = points[n], points[n + 1]
-        first, last = _loaded_part(start, end, far_x, far_y)
-        if last <= first:
-            continue
-        length = _length(start, end)
-        short = length * (last - first) <= SHORT * depth
-        count = max(1, int(math.ceil(length * (last - first) / (PANEL * depth))))
-        for i in range(count):
-            for j in range(3):
-                if short and j != 1:
-                    continue
-                along = first + (i + 0.5 + 0.5 * _POINTS[j]) * (last - first) / count
-                share = (1.0 if short else _WEIGHTS[j]) * (last - first) * length / count
-                _add_source(
-                    pressure, x, y, nodes, of_f, centre,
-                    start[0] + along * (end[0] - start[0]), start[1] + along * (end[1] - start[1]),
-                    -(start[2] + along * (end[2] - start[2])) * stiffness * share * part)
-    return pressure
+@njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
+def _add_points(pressure, x, y, nodes, shape, depth, places, loads):
+    """Add the pressure of point loads [N] at places (L, 2) [m]."""
+    of_f, centre = kernels.coefficients_of(shape), kernels.centre_of(depth)
+    for k in range(len(loads)):
+        load = loads[k] / nodes.shape[0]
+        for j in range(nodes.shape[0]):
+            dx, dy = nodes[j, 0] - places[k, 0], nodes[j, 1] - places[k, 1]
+            for r in range(y.size):
+                row, v = pressure[r], y[r] + dy
+                for c in range(x.size):
+                    u = x[c] + dx
+                    row[c] += load * kernels.value_of(of_f, centre / (u * u + v * v + centre))

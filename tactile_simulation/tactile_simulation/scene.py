@@ -6,8 +6,7 @@ import re
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.yaml_file import read_yaml
-from tactile_simulation.scene_edge import edge_scene
-from tactile_simulation.scene_surface import surface_scene
+from tactile_simulation.scene_file import edge_scene, surface_scene
 from tactile_simulation.world import Scene
 
 

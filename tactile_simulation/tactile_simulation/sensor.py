@@ -97,16 +97,15 @@ class TactelResponse:
         alive = np.ones(gain.size)
         alive[flaws.permutation(alive.size)[:int(sensor.dead)]] = 0.0
         self._gain = gain * alive.reshape(rows_columns)
-        self._crept, self._before = np.zeros(rows_columns), -math.inf  # [Pa], [s]
+        self._crept, self._before = np.zeros(rows_columns), math.inf  # [Pa], [s]
         self._held = np.zeros(rows_columns)  # [Pa]
 
     def counts(self, pressure: np.ndarray, rng: np.random.Generator, now: float) -> np.ndarray:
         """Return one frame (rows, columns) of the pressure [Pa] at a time [s]."""
         sensor = self._sensor
         if sensor.creep:
-            passed = min(max(now - self._before, 0.0), 1e3 * sensor.creep_time)
-            if self._before > -math.inf:
-                self._crept += -math.expm1(-passed / sensor.creep_time) * (pressure - self._crept)
+            passed = max(now - self._before, 0.0)
+            self._crept -= math.expm1(-passed / sensor.creep_time) * (pressure - self._crept)
             self._before = now
             pressure = pressure + sensor.creep * self._crept
         if sensor.hysteresis:

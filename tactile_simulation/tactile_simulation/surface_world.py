@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from tactile_common.config import bounded, check_fields
+from tactile_common.config import bounded
 from tactile_sensing.dome.finite_element_model import FiniteElementDome, superpose
 from tactile_sensing.dome.finite_elements import operator_for, SkinConfig
-from tactile_sensing.dome.geometry import Dome
+from tactile_sensing.dome.geometry import contact_frame, Dome
 from tactile_simulation.metrics import largest, NAN, rms
 from tactile_simulation.sensor import Sensor, Skin
 from tactile_simulation.surface_objects import nearest_point, normal_at, SolidObject
@@ -28,9 +28,6 @@ class Touch:
     friction: float = bounded(0.0, 'coefficient of Coulomb friction with the skin', '', 0.0, 3.0)
     fragile: float = bounded(0.0, 'force that breaks the object; 0: none does', 'N', 0.0, 1e4)
 
-    def __post_init__(self):
-        check_fields(self, 'touch.')
-
 
 @dataclass(frozen=True)
 class SurfaceStart:
@@ -44,9 +41,6 @@ class SurfaceStart:
         -0.02, 0.02)
     aside_y: float = bounded(0.0, 'likewise', 'm', -0.02, 0.02)
 
-    def __post_init__(self):
-        check_fields(self, 'start.')
-
 
 @dataclass(frozen=True, eq=False)
 class SurfaceScene(Scene):
@@ -54,7 +48,7 @@ class SurfaceScene(Scene):
 
     action: ClassVar[str] = 'track_surface'
     surface: SolidObject
-    top: tuple[float, float, float]
+    top: tuple[float, ...]  # m
     touch: Touch = field(default_factory=Touch)
     dome: Dome = field(default_factory=Dome)
     rubber: SkinConfig = field(default_factory=SkinConfig)
@@ -83,8 +77,7 @@ class SurfaceScene(Scene):
         ahead = level / np.linalg.norm(level)
         # z into the object, x forward
         rotation = np.column_stack([ahead, np.cross(-outward, ahead), -outward])
-        place = np.array([start.aside_x, start.aside_y])
-        rotation = rotation @ _turned_to(self.dome.direction(place)).T
+        rotation = rotation @ contact_frame(self.dome, start.aside_x, start.aside_y)
         pose = np.eye(4)
         pose[:3, :3] = rotation
         centre = contact + (start.height + self.dome.skin_radius) * outward
@@ -92,15 +85,12 @@ class SurfaceScene(Scene):
         return pose
 
     def world(self) -> 'SurfaceWorld':
-        """Return the object under the probe."""
         return SurfaceWorld(self)
 
 
-def _turned_to(direction):
-    """Return the rotation (3, 3) that turns z by the shortest way to a unit vector."""
-    x, y, z = direction
-    return np.array([[1.0 - x * x / (1.0 + z), -x * y / (1.0 + z), x],
-                     [-x * y / (1.0 + z), 1.0 - y * y / (1.0 + z), y], [-x, -y, z]])
+def _centre(dome, pose):
+    """Return the centre (3,) of the probe's spheres in the base frame."""
+    return pose[:3, 3] + pose[:3, :3] @ dome.centre
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,10 +110,11 @@ class SurfaceWorld(World):
     calibrated by force: M0 is the force at the pad's centre.
     """
 
+    scene: SurfaceScene
+
     def __init__(self, scene: SurfaceScene):
         super().__init__(scene)
         array = self.array
-        self.surface, self.dome, self._touch = scene.surface, scene.dome, scene.touch
         self._operator = operator_for(scene.dome, scene.rubber, array)
         self._outward = (self._operator.points - scene.dome.centre) / scene.dome.skin_radius
         model = FiniteElementDome(scene.dome, array, self._operator)
@@ -133,13 +124,11 @@ class SurfaceWorld(World):
         self._loads, self._pressing = np.zeros_like(self._outward), 0.0
 
     def render(self, pose: np.ndarray) -> np.ndarray:
-        """Return the noise-free pressure at the tactels (rows, columns) [Pa]."""
         self._press(pose)
         pressure = superpose(self._operator.green, self._loads) / self._sensitivity
         return pressure.reshape(self.array.shape)
 
     def force(self, pose: np.ndarray) -> float:
-        """Return the force along the contact's normal at a pose [N]."""
         self._press(pose)
         return self._pressing
 
@@ -149,18 +138,17 @@ class SurfaceWorld(World):
             return
         before, self._pose = self._pose, pose.copy()
         self._loads, self._pressing = np.zeros_like(self._outward), 0.0
-        rotation = pose[:3, :3]
-        centre = pose[:3, 3] + rotation @ self.dome.centre
-        if self.surface.distance(centre[None])[0] >= self.dome.skin_radius:
+        solid, dome = self.scene.surface, self.scene.dome
+        if solid.distance(_centre(dome, pose)[None])[0] >= dome.skin_radius:
             return
-        points = self._operator.points @ rotation.T + pose[:3, 3]
-        depth = np.maximum(-self.surface.distance(points), 0.0)
+        points = self._operator.points @ pose[:3, :3].T + pose[:3, 3]
+        depth = np.maximum(-solid.distance(points), 0.0)
         touched = np.flatnonzero(depth)
         pressed = self._operator.modulus * depth[touched] * self._operator.areas[touched]
         loads = -pressed[:, None] * self._outward[touched]
         total = loads.sum(axis=0)
         self._pressing = math.sqrt(total @ total)
-        friction = self._touch.friction
+        friction = self.scene.touch.friction
         if friction and np.isfinite(before).all():
             loads = loads - friction * pressed[:, None] * self._sliding(
                 touched, points[touched], before)
@@ -175,24 +163,18 @@ class SurfaceWorld(World):
         size = np.linalg.norm(along, axis=1, keepdims=True)
         return np.where(size > SLIDING, along / np.maximum(size, SLIDING), 0.0)
 
-    def place_on_pad(self, pose: np.ndarray) -> np.ndarray:
-        """Return the place (2,) on the pad nearest to the object, at a pose (4, 4) [m]."""
-        rotation = pose[:3, :3]
-        centre = pose[:3, 3] + rotation @ self.dome.centre
-        return self.dome.place(rotation.T @ -normal_at(self.surface, centre))
-
     def truth(self, course: Course) -> SurfaceTruth:
-        """Compare a course with the surface."""
-        place = np.full((len(course.time), 2), NAN)
+        place, dome = np.full((len(course.time), 2), NAN), self.scene.dome
         for index in np.flatnonzero(course.tracking):
-            place[index] = self.place_on_pad(course.poses[index])
+            pose = course.poses[index]
+            inward = -normal_at(self.scene.surface, _centre(dome, pose))
+            place[index] = dome.place(pose[:3, :3].T @ inward)
         return SurfaceTruth(**vars(course), on_target=course.settled, place=place)
 
     def numbers(self, truth: SurfaceTruth, felt: np.ndarray, force: float) -> dict[str, Any]:
-        """Return the values of a summary that need the surface, see `World.numbers`."""
-        errors = self.surface.distance(felt) if len(felt) else np.zeros(0)
+        errors = self.scene.surface.distance(felt) if len(felt) else np.zeros(0)
         aside, tracked = np.hypot(*truth.place.T)[truth.settled], truth.force[truth.tracking]
-        fragile = self._touch.fragile
+        fragile = self.scene.touch.fragile
         return {
             'surface_rms': rms(errors), 'surface_max': largest(errors),
             'centre_rms': rms(aside), 'centre_max': largest(aside),
@@ -200,5 +182,4 @@ class SurfaceWorld(World):
             'broken': bool(fragile and largest(truth.force) > fragile)}
 
     def objection(self, numbers: Mapping[str, Any]) -> str:
-        """Object if a fragile object broke."""
         return 'what was touched has broken' if numbers['broken'] else ''

@@ -2,15 +2,13 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, TYPE_CHECKING
 
 import numpy as np
 
-from tactile_common.config import bounded, check_fields
+from tactile_common.config import bounded
 from tactile_simulation.sensor import Sensor, Skin, TactelResponse
-from tactile_simulation.smoothness import speeds
 
 
 @dataclass(frozen=True)
@@ -24,9 +22,6 @@ class Plant:
     latency: float = bounded(0.010, 'from the instant of an image to its arrival', 's', 0.0, 1.0)
     stamp_error: float = bounded(
         0.0, "of an image's stamp: later than the instant it shows", 's', -0.1, 0.1)
-
-    def __post_init__(self):
-        check_fields(self, 'plant.')
 
 
 @dataclass(frozen=True)
@@ -50,11 +45,6 @@ class Course:
     tracking: np.ndarray  # True while the servo tracks
     settled: np.ndarray  # tracking, from `SETTLING_LENGTH` after first contact on
 
-    @cached_property
-    def speed(self) -> np.ndarray:
-        """Speed of the pad (N,) [m/s]; NaN where unknown."""
-        return speeds(self.time, self.poses[:, :3, 3])
-
 
 @dataclass(frozen=True, eq=False)
 class Truth(Course):
@@ -74,7 +64,7 @@ class World(ABC):
     """
 
     def __init__(self, scene: 'Scene'):
-        self.array = scene.sensor.array
+        self.scene, self.array = scene, scene.sensor.array
         self.shift = np.zeros(3)
         self._response = TactelResponse(scene.sensor)
 
@@ -84,7 +74,11 @@ class World(ABC):
 
     @abstractmethod
     def force(self, pose: np.ndarray) -> float:
-        """Return the normal force on the pad at a pose (4, 4), sensor -> base [N]."""
+        """
+        Return the force at a pose (4, 4), sensor -> base [N].
+
+        It is normal to a pad, within the rectangle of its array, or to the touched surface.
+        """
 
     def counts(self, pose: np.ndarray | None, rng: np.random.Generator,
                now: float = 0.0) -> np.ndarray:

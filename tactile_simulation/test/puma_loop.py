@@ -4,6 +4,7 @@ from copy import deepcopy
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -12,7 +13,9 @@ from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.joint_controller import MockController
 from tactile_simulation.scene import load_scene
+from tactile_simulation.world import Plant
 
 ROOT = Path(__file__).resolve().parents[2]
 PUMA = RobotModel.from_urdf(ROOT / 'launch/urdf/puma260.urdf', 'tactile_pad')
@@ -28,6 +31,13 @@ COARSE = SkinConfig(across=15, layers=4)  # solved in some seconds, once; then f
 def coarse_scene(name):
     """Shipped scene of a surface, whose probe has a coarse skin."""
     return replace(load_scene(ROOT / f'launch/scenes/surfaces/{name}.yaml'), rubber=COARSE)
+
+
+def free_controller(start, **options):
+    """Controller of a PUMA 260 without limits, whose joints are where they are commanded."""
+    free = SimpleNamespace(joint_names=PUMA.joint_names, lower=np.full(6, -np.inf),
+                           upper=np.full(6, np.inf), velocity_limit=np.full(6, np.inf))
+    return MockController(free, start, Plant(dead_time=0.0, lag=0.0), **options)
 
 
 def puma_loop(scene='straight', tracker='resolved_rate', *, latency=0.0025,

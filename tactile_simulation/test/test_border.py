@@ -18,7 +18,7 @@ def coming(*ways, noise=NOISE, seed=0):
     pressure = noise * np.random.default_rng(seed).standard_normal(PAD.shape)
     for way in ways:
         way = np.asarray(way, dtype=float)
-        pressure += render(np.column_stack([way, np.full(len(way), PRESSED)]), PAD, Skin())[0]
+        pressure += render(np.column_stack([way, np.full(len(way), PRESSED)]), PAD, Skin())
     return coming_length(pressure, PAD.x, PAD.y, ridge_points(pressure, PAD, noise, DEPTH), noise,
                          DEPTH)
 

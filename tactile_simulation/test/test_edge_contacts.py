@@ -23,7 +23,7 @@ def test_a_line_through_a_bend_is_located_in_its_picture():
     arc = 0.06 * np.array([[1.0 - np.cos(t), np.sin(t)] for t in np.linspace(0.0, 0.4, 40)])
     edge = np.column_stack([np.concatenate([[[0.0, -0.03]], arc]), np.full(41, -8e-4)])
     edge[:, 1] += 4e-3
-    pressure, _ = render(edge, array, skin)
+    pressure = render(edge, array, skin)
     noise = 0.01 * pressure.max()
     pressure += noise * np.random.default_rng(0).standard_normal(pressure.shape)
     picture = TactileImage(
@@ -40,7 +40,7 @@ def test_a_whole_straight_edge_needs_no_picture(yaw):
     for end, needed in ((0.03, False), (0.0, True)):
         along = np.array([-np.sin(yaw), np.cos(yaw)])
         points = np.array([[1e-3, 0.0]]) + np.array([[-0.03], [end]]) * along
-        pressure, _ = render(np.column_stack([points, [-8e-4, -8e-4]]), array, Skin())
+        pressure = render(np.column_stack([points, [-8e-4, -8e-4]]), array, Skin())
         contact = replace(line(1e-3, yaw), moments=image_moments(pressure, array))
         assert needs_picture(contact) == needed
 
@@ -48,7 +48,7 @@ def test_a_whole_straight_edge_needs_no_picture(yaw):
 def test_an_edge_ends_where_its_picture_says():
     array, skin = TactelArray(16, 16, 0.0016, 0.0016), Skin()
     ending = np.array([[1e-3, -0.02, -8e-4], [1e-3, -0.004, -8e-4]])
-    pressure, _ = render(ending, array, skin)
+    pressure = render(ending, array, skin)
     picture = TactileImage(
         0, 0, (Layer('zz', skin.depth, pressure, noise_std=1.0),), array, tared=True)
     assert locate(line(1e-3, 0.0)) == ((1e-3, 0.0), True)

@@ -28,7 +28,7 @@ def image(pressure, **changes):
 
 def edge(points, seed=0):
     """Picture of a polyline (N, 2) pressed into the skin."""
-    clean, _ = render(np.column_stack([points, np.full(len(points), -PRESS)]), PAD, SKIN)
+    clean = render(np.column_stack([points, np.full(len(points), -PRESS)]), PAD, SKIN)
     return image(clean + NOISE * np.random.default_rng(seed).standard_normal(clean.shape))
 
 

@@ -157,16 +157,6 @@ def test_stamps_off_by_more_than_their_bound_hold(offset_ns):
     assert loop.servo.state == State.HOLD
 
 
-def test_pause_and_resume():
-    loop = steady()
-    assert loop.servo.pause(True, loop.now)
-    loop.run(None, 0.2)
-    assert held(loop, ReasonCode.PAUSED) and moved(loop, 0.5) < 1e-4
-    assert loop.servo.pause(False, loop.now)
-    loop.run(None, 5.0)
-    assert loop.servo.success
-
-
 def test_a_pause_during_a_search_ends_with_a_reason():
     loop = steady(tracker='trace')
     loop.servo.run.phase = Phase.SEARCH  # what a late picture makes of it

@@ -1,5 +1,6 @@
-"""Shapes of edges: polygons with fillets, heights, gaps and steps."""
+"""Shapes of edges: heights, waves, gaps and steps; slips, and flaws of the sensor."""
 import math
+import re
 
 import numpy as np
 import pytest
@@ -7,13 +8,9 @@ import yaml
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.array import TactelArray
-from tactile_simulation.edge_shapes import polygon
 from tactile_simulation.edge_world import EdgeWorld
-from tactile_simulation.render import render
 from tactile_simulation.scene import load_scene
-from tactile_simulation.sensor import Skin
 
-SQUARE = [[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]]
 PAD = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
 
 
@@ -23,30 +20,19 @@ def scene_of(folder, edge, **more):
     return load_scene(path)
 
 
-def test_fillets_touch_both_sides_and_keep_their_radius():
-    points = polygon([[0, 0], [0.1, 0], [0.1, 0.1]], 0.01, False)
-    arc = points[1:-1]
-    np.testing.assert_allclose(np.linalg.norm(arc - [0.09, 0.01], axis=1), 0.01, atol=1e-12)
-    np.testing.assert_allclose(arc[[0, -1]], [[0.09, 0.0], [0.1, 0.01]], atol=1e-12)
-
-
-@pytest.mark.parametrize('radius', [0.0, 0.005])
-def test_closed_polygon_has_its_length(tmp_path, radius):
-    edge = scene_of(tmp_path, {'z': 0.1, 'closed': True, 'polygon': {
-        'points': SQUARE, 'radius': radius}}).edge
-    assert edge.closed
-    assert edge.length == pytest.approx(0.4 - (8 - 2 * math.pi) * radius, rel=1e-5)
-
-
-@pytest.mark.parametrize('points, radius, words', [
-    (SQUARE, 0.06, 'too short for fillets'), ([[0, 0], [0, 0], [1, 1]], 0.0, 'at one place'),
-    ([[0, 0], [0.1, 0], [0, 0.0001]], 0.0, 'turns back')])
-def test_impossible_polygons_are_refused(points, radius, words):
-    with pytest.raises(ConfigurationError, match=words):
-        polygon(points, radius, False)
-
-
 PATH = {'start': [0.3, 0.0, 0.1], 'heading': 0, 'path': [{'straight': 0.2}]}
+
+
+def test_a_path_that_ends_where_it_begins_is_closed(tmp_path):
+    def rounded(sides):
+        path = [part for _ in range(sides) for part in (
+            {'straight': 0.09}, {'arc': {'radius': 0.005, 'angle': 90}})]
+        return scene_of(tmp_path, {**PATH, 'path': path}).edge
+
+    edge = rounded(4)
+    assert edge.closed and (edge.points[0] == edge.points[-1]).all()
+    assert edge.length == pytest.approx(0.36 + 2 * math.pi * 0.005, rel=1e-5)
+    assert not rounded(3).closed
 
 
 def test_heights_join_and_step(tmp_path):
@@ -99,26 +85,12 @@ def test_flaws_of_a_sensor_are_its_own(tmp_path):
 
 
 def test_bad_shapes_are_named(tmp_path):
-    for edge, words in (
-            ({**PATH, 'polygon': {'points': SQUARE}}, 'exactly one'),
-            ({**PATH, 'closed': True}, 'must be closed'),
-            ({**PATH, 'gaps': [[0.1, 0.3]]}, 'edge.gaps: 0.1 to 0.3'),
-            ({**PATH, 'height': [[0.1, 0.0], [0.0, 0.0]]}, 'must not decrease'),
-            ({'z': 0.1, 'closed': True, 'polygon': {'points': SQUARE[:2]}}, '3 to 5000 pairs'),
-            ({'z': 0.1, 'closed': 1, 'polygon': {'points': SQUARE}}, 'edge.closed is 1')):
-        with pytest.raises(ConfigurationError, match=words.replace('.', r'\.')):
-            scene_of(tmp_path, edge)
-
-
-@pytest.mark.parametrize('start, end', [
-    ((-0.004, -0.003, -0.001), (0.005, 0.006, -0.0004)), ((0.0, 0.0, -0.001), (0.0, 0.03, -0.002)),
-    ((0.0, 0.001, -0.001), (0.0009, 0.001, -0.001))])
-def test_the_closed_form_of_a_line_load_is_the_sum_of_its_point_loads(start, end):
-    pressure, _ = render(np.array([start, end]), PAD, Skin())
-    share = (np.arange(4000) + 0.5) / 4000
-    points = np.array(start) + share[:, None] * (np.array(end) - start)
-    load = 2e5 * -points[:, 2] * math.dist(start, end) / 4000
-    squared = ((PAD.x - points[:, 0, None, None])**2
-               + (PAD.y[:, None] - points[:, 1, None, None])**2 + 0.002**2)
-    expected = (1.5 / math.pi * 0.002**3 * load[:, None, None] * squared**-2.5).sum(axis=0)
-    np.testing.assert_allclose(pressure, expected, atol=1e-4 * expected.max())
+    for change, words in (
+            ({'gaps': [[0.1, 0.3]]}, 'edge.gaps: must ascend within 0 to 0.2 m'),
+            ({'gaps': [[0.1, 0.12], [0.11, 0.13]]}, 'edge.gaps: must ascend'),
+            ({'gaps': [[0.1]]}, 'edge.gaps[0] is [0.1], must be a list of 2'),
+            ({'wave': {'height': 0.2, 'length': 0.1}}, 'edge.wave.height is 0.2'),
+            ({'height': []}, 'edge.height is [], must be a list of pairs'),
+            ({'height': [[0.1, 0.0], [0.0, 0.0]]}, 'must not decrease')):
+        with pytest.raises(ConfigurationError, match=re.escape(words)):
+            scene_of(tmp_path, {**PATH, **change})

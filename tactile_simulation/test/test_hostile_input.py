@@ -11,7 +11,7 @@ import os
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 import numpy as np
-from puma_loop import ELBOW, LIMITS, PUMA
+from puma_loop import ELBOW, free_controller, LIMITS, PUMA
 import pytest
 
 from tactile_sensing.devices.calibration import Calibration
@@ -29,8 +29,7 @@ from tactile_servo.motion.limits import WorkspaceBox
 from tactile_servo.reasons import GoalRefused, ReasonCode
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import EdgeGoal, State, TRACKING
-from tactile_simulation.joint_controller import MockController
-from tactile_simulation.render import render
+from tactile_simulation.render import force_on, render
 from tactile_simulation.sensor import Skin
 
 SEQUENCES = int(os.environ.get('HOSTILE_SEQUENCES', '0'))
@@ -76,7 +75,7 @@ def picture(kind, seed, noise_std, tared, array, frame):
         depth = 0.01 if kind == 'saturated' else rng.uniform(0, 2e-3)
         points = np.column_stack([rng.uniform(-0.02, 0.02, (corners, 2)),
                                   np.full(corners, -depth)])
-        stress += render(points, ARRAY, Skin())[0]
+        stress += render(points, ARRAY, Skin())
     elif kind in ('blob', 'heavy'):
         stress += 1e5 if kind == 'blob' else 100.0 / 0.0254**2
     elif kind == 'noise':
@@ -165,7 +164,8 @@ class Watched:
             force = max(1.5e4 * depth, 0.0)
             state = np.array([*DOME.place(turned), force, 0.0, 0.0])
             return HalfSpaceDome(DOME, ARRAY).image(state)[0] / 0.85, force
-        return render((self.edge - pose[:3, 3]) @ pose[:3, :3], ARRAY, Skin())
+        points = (self.edge - pose[:3, 3]) @ pose[:3, :3]
+        return render(points, ARRAY, Skin()), force_on(points, ARRAY, Skin())
 
     def feed(self, contact='true', image='true', joints='follow', late_contact=0, late_image=0,
              late_joints=0):
@@ -269,10 +269,7 @@ class Sampled:
     """A joint_trajectory_controller at 500 Hz, and how far its commands may go."""
 
     def __init__(self, start, joined):
-        self.robot = MockController(
-            PUMA.joint_names, np.full(6, -np.inf), np.full(6, np.inf), np.full(6, np.inf),
-            initial_positions=start, dead_time=0.0, lag=0.0,
-            interpolate_from_desired_state=joined)
+        self.robot = free_controller(start, from_desired=joined)
         self.then_ns, self.commands, self.jumped = 10**12, [start] * 3, False
 
     def take(self, window, now_ns):

@@ -1,6 +1,6 @@
 """Semantics of the trajectory controller, and the joints behind it."""
 
-import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,8 +8,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from tactile_common.errors import ConfigurationError, Rejected
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_simulation.joint_controller import hermite, MockController
-from tactile_simulation.plant import DelayedLag
+from tactile_simulation.joint_controller import DelayedLag, MockController, Spline
+from tactile_simulation.world import Plant
 
 PERIOD = 0.002
 NAMES = ('a', 'b')
@@ -17,18 +17,19 @@ START = 100.0  # s, so that stamps differ from 0
 NOW_NS = round(START * 1e9)
 
 
-def controller(**changes):
-    values = {
-        'joint_names': NAMES, 'lower': [-3.0, -3.0], 'upper': [3.0, 3.0],
-        'velocity_limit': [10.0, 10.0], 'initial_positions': [0.0, 0.0],
-        'dead_time': 0.0, 'lag': 0.0} | changes
-    return MockController(**values)
+def controller(start=(0.0, 0.0), dead_time=0.0, lag=0.0, from_desired=True, **changes):
+    robot = {'joint_names': NAMES, 'lower': np.full(2, -3.0), 'upper': np.full(2, 3.0),
+             'velocity_limit': np.full(2, 10.0)}
+    robot |= {name: np.array(values) for name, values in changes.items()}
+    return MockController(SimpleNamespace(**robot), start, Plant(dead_time=dead_time, lag=lag),
+                          from_desired=from_desired)
 
 
-def trajectory(times, positions, velocities=None, accelerations=None, **more):
-    arrays = [None if a is None else np.array(a, dtype=float)
-              for a in (positions, velocities, accelerations)]
-    return Trajectory(more.pop('names', NAMES), np.array(times, dtype=float), *arrays, **more)
+def trajectory(times, positions, velocities=None, **more):
+    positions = np.array(positions, dtype=float)
+    velocities = np.zeros_like(positions) if velocities is None else np.array(velocities, float)
+    return Trajectory(more.pop('names', NAMES), np.array(times, float), positions, velocities,
+                      **more)
 
 
 def ramp(speed=0.5, duration=1.0, **more):
@@ -67,28 +68,18 @@ GOOD = {'times': [0.1, 0.2], 'positions': [[1, 2], [3, 2]], 'velocities': [[1, 1
 
 @pytest.mark.parametrize('changes, reason', [
     ({'names': (), 'times': [], 'positions': np.zeros((0, 0)), 'velocities': None},
-     "Joints on incoming trajectory don't match the controller joints."),
-    ({'names': ('a',), 'positions': [[1], [2]], 'velocities': None},
-     "Joints on incoming trajectory don't match the controller joints."),
-    ({'names': ('a', 'b', 'a'), 'positions': np.zeros((2, 3)), 'velocities': None},
-     "Joints on incoming trajectory don't match the controller joints."),
-    ({'times': [], 'positions': np.zeros((0, 2)), 'velocities': None},
-     'Empty trajectory received.'),
-    ({'names': ('a', 'z')}, "Incoming joint z doesn't match the controller's joints."),
-    ({'names': ('a', 'a')}, 'one is named twice'),
-    ({'times': [0.1, 0.1]}, 'Time between points 0 and 1 is not strictly increasing, it is '
-     '0.100000 and 0.100000 respectively'),
-    ({'times': [0.2, 0.1]}, 'not strictly increasing'),
-    ({'times': [-0.1, 0.1]}, 'before the start'),
-    ({'velocities': [[0, 0], [0, 1e-6]]},
-     'Velocity of last trajectory point of joint b is not zero: 0.000001000000000'),
+     'joints are none, must be a, b'),
+    ({'names': ('a',), 'positions': [[1], [2]], 'velocities': None}, 'joints are a, must be a, b'),
+    ({'names': ('b', 'a')}, 'joints are b, a, must be a, b'),
+    ({'times': [], 'positions': np.zeros((0, 2)), 'velocities': None}, 'has no points'),
+    ({'times': [0.1, 0.1]}, 'strictly increase'),
+    ({'times': [0.2, 0.1]}, 'strictly increase'),
+    ({'times': [-0.1, 0.1]}, 'must not be negative'),
+    ({'velocities': [[0, 0], [0, 1e-6]]}, 'velocity of the last point is not zero'),
     ({'positions': [[1, 2], [np.nan, 2]]}, 'positions must be finite'),
     ({'velocities': [[1, np.inf], [0, 0]]}, 'velocities must be finite'),
-    ({'accelerations': np.full((2, 2), np.nan)}, 'accelerations must be finite'),
     ({'times': [0.1, np.nan]}, 'times must be finite'),
-    ({'positions': None, 'velocities': None}, 'positions must be finite'),
-    ({'stamp_ns': NOW_NS - 300_000_000}, 'Received trajectory with non-zero start time '
-     '(99.700000) that ends in the past (99.900000)'),
+    ({'stamp_ns': NOW_NS - 300_000_000}, 'has ended 0.200000 s ago'),
 ])
 def test_rejected_and_nothing_changes(changes, reason):
     robot, same = controller(), controller()
@@ -96,9 +87,8 @@ def test_rejected_and_nothing_changes(changes, reason):
         each.step(START)
         each.accept(ramp(), START)
         play(each, 0.1)
-    with pytest.raises(Rejected, match=re.escape(reason)) as caught:
+    with pytest.raises(Rejected, match=reason):
         robot.accept(trajectory(**(GOOD | changes)), START + 0.1)
-    assert '\n' not in str(caught.value)
     np.testing.assert_array_equal(
         play(robot, 0.5, START + 0.1)[1], play(same, 0.5, START + 0.1)[1])
 
@@ -117,68 +107,29 @@ def test_wrong_shape_is_refused_by_the_trajectory_itself():
 # --- interpolation ------------------------------------------------------------------------------
 
 def test_holds_until_told_otherwise():
-    robot = controller(initial_positions=[0.3, -0.2])
+    robot = controller([0.3, -0.2])
     _, measured, _ = play(robot, 0.1)
     np.testing.assert_array_equal(measured, np.tile([0.3, -0.2], (50, 1)))
 
 
-def test_positions_alone_are_joined_by_straight_lines():
-    robot = playing(trajectory([0.1, 0.3], [[0.2, 0.1], [0.4, -0.1]]))
-    t, _, desired = play(robot, 0.4)
-    t += PERIOD
-    # The clock of a stamp 0 starts at the step that finds it; its line starts a step before.
-    knots = [0.0, PERIOD + 0.1, PERIOD + 0.3]
-    np.testing.assert_allclose(desired[:, 0], np.interp(t, knots, [0, 0.2, 0.4]), atol=1e-12)
-    np.testing.assert_allclose(desired[:, 1], np.interp(t, knots, [0, 0.1, -0.1]), atol=1e-12)
-
-
-@pytest.mark.parametrize('degree', [3, 5])
-def test_polynomials_are_reproduced_and_the_end_is_held(degree):
-    """A cubic (quintic) whose derivatives are given at the points is its own spline."""
-    # From 0 to 1, at rest at both ends; the quintic without acceleration there.
-    rest = np.polynomial.Polynomial([0, 0, 3, -2]) if degree == 3 else (
-        np.polynomial.Polynomial([0, 0, 0, 10, -15, 6]))
-    span = 0.2
-    t_points = np.array([0.05, 0.11, 0.2])
-    u = t_points / span
-    rows = [rest(u), rest.deriv()(u) / span, rest.deriv(2)(u) / span**2]
-    rows = [np.column_stack([row, -2 * row]) for row in rows]
-    robot = playing(trajectory(
-        t_points, *rows[:2 if degree == 3 else 3], stamp_ns=NOW_NS))
+def test_a_cubic_is_reproduced_and_its_end_is_held():
+    rest, span = np.polynomial.Polynomial([0, 0, 3, -2]), 0.2  # from 0 to 1, at rest at both ends
+    u = np.array([0.25, 0.55, 1.0])
+    rows = [np.column_stack([row, -2 * row]) for row in (rest(u), rest.deriv()(u) / span)]
+    robot = playing(trajectory(span * u, *rows, stamp_ns=NOW_NS))
     t, _, desired = play(robot, 0.3)
     expected = rest(np.minimum((t + PERIOD) / span, 1.0))
     np.testing.assert_allclose(desired, np.column_stack([expected, -2 * expected]), atol=1e-9)
-    velocity = robot.commanded[1]
-    np.testing.assert_array_equal(velocity, 0.0)
+    np.testing.assert_array_equal(robot.commanded[1:], 0.0)
 
 
-@pytest.mark.parametrize('first, last', [(1, 1), (1, 3), (2, 2), (3, 2), (3, 3)])
-def test_polynomial_meets_what_both_states_know(first, last):
-    """Its derivatives at both ends are those asked for; its degree is the least."""
-    rng, duration = np.random.default_rng(3), 0.7
-    begin, end = rng.normal(size=(first, 2)), rng.normal(size=(last, 2))
-    polynomial, known = hermite(begin, end, duration), min(first, last)
-    assert polynomial.shape == (3, 2 * known, 2)
-    for u, state in ((0.0, begin), (1.0, end)):
-        found = u ** np.arange(2 * known) @ polynomial
-        np.testing.assert_allclose(found[:known], state[:known], atol=1e-9)
-    # Velocity and acceleration are the derivatives of the position, by the time.
-    step, u = 1e-4, 0.3 + 1e-4 * np.arange(-1, 2)[:, None]
-    (before, _, _), now, (after, _, _) = np.einsum(
-        'ij,kjl->ikl', u ** np.arange(2 * known), polynomial)
-    np.testing.assert_allclose(now[1], (after - before) / (2 * step * duration), atol=1e-5)
-    np.testing.assert_allclose(
-        now[2], (after - 2.0 * now[0] + before) / (step * duration)**2, atol=1e-3)
-
-
-def test_joints_may_stand_in_any_order():
-    robot, other = controller(), controller()
-    for each in (robot, other):
-        each.step(START)
-    robot.accept(trajectory([0.1], [[0.1, 0.3]], [[0, 0]], [[1, 2]]), START)
-    other.accept(trajectory([0.1], [[0.3, 0.1]], [[0, 0]], [[2, 1]], names=('b', 'a')), START)
-    np.testing.assert_array_equal(play(robot, 0.2)[1], play(other, 0.2)[1])
-    np.testing.assert_allclose(robot.commanded[0], [0.1, 0.3])
+def test_velocity_and_acceleration_are_derivatives_of_the_position():
+    rng, h = np.random.default_rng(3), 1e-4
+    spline = Spline(0.0, rng.normal(size=(3, 2)), 0.0, trajectory(
+        [0.7], rng.normal(size=(1, 2)), rng.normal(size=(1, 2))))
+    (before, _, _), now, (after, _, _) = (spline.sample(0.3 + step) for step in (-h, 0.0, h))
+    np.testing.assert_allclose(now[1], (after - before) / (2 * h), atol=1e-5)
+    np.testing.assert_allclose(now[2], (after - 2.0 * now[0] + before) / h**2, atol=1e-3)
 
 
 def test_first_point_at_once_jumps():
@@ -198,12 +149,13 @@ def test_points_of_the_past_are_left_out():
 def test_start_in_the_future_is_approached_from_now():
     robot = playing(trajectory([0.1], [[0.2, 0.0]], stamp_ns=NOW_NS + 100_000_000))
     t, _, desired = play(robot, 0.2)
-    np.testing.assert_allclose(desired[:-1, 0], t[:-1] + PERIOD, atol=1e-9)
+    u = np.minimum((t + PERIOD) / 0.2, 1.0)
+    np.testing.assert_allclose(desired[:, 0], 0.2 * u**2 * (3.0 - 2.0 * u), atol=1e-9)
 
 
 @pytest.mark.parametrize('from_desired', [True, False])
 def test_new_trajectory_starts_from_desired_or_measured_state(from_desired):
-    robot = playing(ramp(1.0), lag=0.05, interpolate_from_desired_state=from_desired)
+    robot = playing(ramp(1.0), lag=0.05, from_desired=from_desired)
     _, measured, desired = play(robot, 0.5)
     assert desired[-1, 0] - measured[-1, 0] > 0.01
     robot.accept(ramp(1.0, stamp_ns=NOW_NS), START + 0.5)
@@ -212,36 +164,10 @@ def test_new_trajectory_starts_from_desired_or_measured_state(from_desired):
     np.testing.assert_allclose(robot.commanded[0], start, atol=slack)
 
 
-def test_stream_of_windows_is_followed_without_a_seam():
-    """Windows of three points, renewed at every step, as a servo sends them."""
-    robot = controller()
-    robot.step(START)
-
-    def course(t):
-        return 0.3 * np.sin(t), 0.3 * np.cos(t)
-
-    now, desired = START, []
-    for k in range(500):
-        now += PERIOD
-        t = k * PERIOD + np.array([0.01, 0.03, 0.05])
-        q, v = course(t)
-        v[-1] = 0.0
-        robot.accept(trajectory(t - k * PERIOD, np.column_stack([q, q]),
-                                np.column_stack([v, v])), now - PERIOD)
-        robot.step(now)
-        desired.append(robot.commanded[0])
-        if k > 50:
-            assert abs(robot.commanded[0, 0] - course(k * PERIOD)[0]) < 2e-3
-    assert robot.limit_violations == 0
-    velocity = np.diff(desired, axis=0) / PERIOD
-    assert np.abs(velocity).max() < 2.0  # while it catches up with a course under way
-    assert np.abs(np.diff(velocity[50:], axis=0)).max() / PERIOD < 0.5
-
-
 @pytest.mark.parametrize('from_desired', [True, False])
 def test_a_window_of_the_past_is_played_as_it_is(from_desired):
     """Whatever was commanded before, one period ahead, and whenever it is received."""
-    robot = controller(lag=0.05, interpolate_from_desired_state=from_desired)
+    robot = controller(lag=0.05, from_desired=from_desired)
     robot.step(START)
     rng, times = np.random.default_rng(2), np.linspace(0.0, 0.3, 4)
     for count in range(1, 40):
@@ -258,11 +184,11 @@ def test_a_window_that_begins_later_gains_a_period_at_its_seam():
     """What is commanded for t + period counts as that of t: the seam that stamps avoid."""
     robot = playing(ramp(1.0, 2.0))
     play(robot, 0.5)
-    before = robot.commanded[0, 0]
+    before, speed = robot.commanded[:2, 0]
     robot.accept(trajectory([10.0], [[before + 10.0, 0.0]]), START + 0.5)
     robot.step(START + 0.5 + PERIOD)
-    # At 1 rad/s from the step before to two periods after it.
-    assert robot.commanded[0, 0] - before == pytest.approx(2.0 * PERIOD, rel=1e-3)
+    # From the step before to two periods after it.
+    assert robot.commanded[0, 0] - before == pytest.approx(2.0 * PERIOD * speed, rel=1e-2)
 
 
 def test_deactivated_it_holds_and_does_not_listen():
@@ -297,11 +223,11 @@ def test_velocity_limit_is_kept_and_counted():
     assert np.diff(measured[:, 0]).max() <= 0.4 * PERIOD * (1 + 1e-9)
     np.testing.assert_allclose(measured[-1], 0.8)  # late, but there
     assert robot.limit_violations > 0
-    assert np.diff(desired[:, 0]).max() == pytest.approx(0.8 * PERIOD, rel=0.01)
+    assert np.diff(desired[:, 0]).max() == pytest.approx(1.2 * PERIOD, rel=0.01)
 
 
 def test_speed_at_the_limit_is_no_violation():
-    robot = playing(trajectory([0.0, 1.0], [[0.0, 0.0], [0.8, -0.8]]), velocity_limit=[0.8, 0.8])
+    robot = playing(trajectory([0.0, 1.0], [[0.0, 0.0], [0.8, -0.8]]), velocity_limit=[1.2, 1.2])
     play(robot, 1.2)
     assert robot.limit_violations == 0
 
@@ -355,14 +281,12 @@ def test_same_time_twice_changes_nothing():
     np.testing.assert_array_equal(robot.step(START + 0.1), first)
 
 
-@pytest.mark.parametrize('changes, message', [
-    ({'lower': [0.0]}, 'lower: .* must be 2 numbers'),
-    ({'initial_positions': [0.0, np.nan]}, 'initial_positions'),
-    ({'initial_positions': [0.0, 4.0]}, 'b = 4, must be within -3..3'),
-    ({'velocity_limit': [1.0, 0.0]}, 'velocity_limit')])
-def test_bad_configuration(changes, message):
+@pytest.mark.parametrize('start, message', [
+    ([0.0], 'must be 2 numbers'), ([0.0, np.nan], 'b = nan'),
+    ([0.0, 4.0], 'b = 4, must be within -3..3')])
+def test_a_start_that_is_no_place_of_the_joints_is_refused(start, message):
     with pytest.raises(ConfigurationError, match=message):
-        controller(**changes)
+        controller(start)
 
 
 @pytest.mark.parametrize('stall', [3, 10, 100])  # periods

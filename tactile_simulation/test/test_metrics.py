@@ -8,16 +8,18 @@ import pytest
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_world import EdgeScene, EdgeTruth
 from tactile_simulation.metrics import (
+    accelerations,
     busy,
     describe,
     measure,
     Metric,
     METRICS,
     NAN,
+    scatter,
     shown,
+    speeds,
     to_json,
 )
-from tactile_simulation.smoothness import accelerations, scatter, speeds
 
 NONE, NOTHING = np.zeros(4, bool), np.zeros((0, 3))
 WORLD = EdgeScene('edge', '', EdgePath(np.array([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0]]))).world()

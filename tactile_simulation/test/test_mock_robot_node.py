@@ -10,18 +10,17 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
-from tactile_common.errors import ConfigurationError, UnreachableError
+from tactile_common.errors import UnreachableError
 from tactile_common.ros.runner import make_executor
 from tactile_servo.conversions import trajectory_to_msg
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_simulation.nodes.mock_robot import MockRobotNode
+from tactile_simulation.scene import load_scene
 
 ROOT = Path(__file__).resolve().parents[2]
 PUMA = str(ROOT / 'launch/urdf/puma260.urdf')
-HOME = [-0.5, 0.6, -2.9, 0.0, -0.7, -0.5]
 TIMEOUT = 20.0  # s
 CONTROLLER = '/mock_robot_test_controller'  # nobody else's
 
@@ -64,10 +63,10 @@ class Bench:
             assert monotonic() < deadline, 'nothing happened in time'
             self.executor.spin_once(timeout_sec=0.05)
 
-    def send(self, times, positions, names=None, **more):
+    def send(self, times, positions, **more):
         positions = np.atleast_2d(positions)
         self.publisher.publish(trajectory_to_msg(Trajectory(
-            names or self.robot.robot.joint_names, np.array(times), positions,
+            self.robot.robot.joint_names, np.array(times), positions,
             np.zeros_like(positions), **more)))
 
     def close(self):
@@ -90,7 +89,7 @@ def bench(context):
 
 
 def test_states_are_named_stamped_and_fast(bench):
-    robot = bench(initial_positions=HOME)
+    robot = bench()
     robot.wait(lambda: len(robot.states) > 300)
     stamps = [s.header.stamp.sec + 1e-9 * s.header.stamp.nanosec for s in robot.states]
     assert np.all(np.diff(stamps) > 0.0)
@@ -98,16 +97,15 @@ def test_states_are_named_stamped_and_fast(bench):
     now = 1e-9 * robot.client.get_clock().now().nanoseconds
     assert 0.0 < now - stamps[-1] < 5.0
     assert list(robot.states[-1].name) == [f'joint_{i}' for i in range(1, 7)]
-    np.testing.assert_array_equal(robot.states[-1].position, HOME)
+    np.testing.assert_allclose(robot.states[-1].position, robot.robot.robot.middle)
     np.testing.assert_array_equal(robot.states[-1].velocity, np.zeros(6))
 
 
 def test_trajectory_is_played_to_its_end(bench):
-    robot = bench(initial_positions=HOME)
-    goal = np.array(HOME) + 0.05
-    order = [2, 0, 1, 5, 4, 3]
-    names = [robot.robot.robot.joint_names[i] for i in order]
-    robot.send([0.2], goal[order], names)
+    robot = bench()
+    home = robot.robot.robot.middle
+    goal = home + 0.05
+    robot.send([0.2], goal)
     robot.wait(lambda: np.allclose(robot.states[-1].position, goal, atol=1e-4))
     way = np.array([s.position for s in robot.states])
     assert np.all(np.diff(way, axis=0) >= -1e-12)
@@ -116,62 +114,38 @@ def test_trajectory_is_played_to_its_end(bench):
 
 
 def test_rejected_trajectory_is_counted_and_the_active_one_goes_on(bench):
-    robot = bench(initial_positions=HOME)
-    goal = np.array(HOME) + 0.05
+    robot = bench()
+    home = robot.robot.robot.middle
+    goal = home + 0.05
     robot.send([0.3], goal)
-    robot.send([0.1, 0.1], [HOME, HOME])
+    robot.send([0.1, 0.1], [home, home])
     robot.publisher.publish(JointTrajectory())
     robot.wait(lambda: robot.robot.rejected == 2)
     assert robot.robot.late == 0
     robot.wait(lambda: np.allclose(robot.states[-1].position, goal, atol=1e-4))
 
 
-def test_a_controller_that_is_not_active_does_not_listen(bench):
-    robot = bench(initial_positions=HOME)
-    switch = robot.client.create_client(SetBool, '/mock_robot/activate')
-    robot.wait(switch.service_is_ready)
-    goal = np.array(HOME) + 0.05
-    for active in (False, True):
-        answer = switch.call_async(SetBool.Request(data=active))
-        robot.wait(answer.done)
-        assert answer.result().success and robot.robot.controller.active == active
-        robot.send([0.1], goal)
-        seen = len(robot.states)
-        robot.wait(lambda seen=seen: len(robot.states) > seen + 100)
-        moved = not np.array_equal(robot.states[-1].position, HOME)
-        assert moved == active
-
-
 def test_stamp_of_the_past_is_rejected(bench):
-    robot = bench(initial_positions=HOME)
+    robot = bench()
     now_ns = robot.client.get_clock().now().nanoseconds
-    robot.send([0.1], HOME, stamp_ns=now_ns - 10 * 10**9)
+    robot.send([0.1], robot.robot.robot.middle, stamp_ns=now_ns - 10 * 10**9)
     robot.wait(lambda: robot.robot.rejected == 1)
     assert robot.robot.late == 1
 
 
 def test_starts_at_the_start_pose_of_the_scene(bench):
-    scene = pytest.importorskip('tactile_simulation.scene')
     path = str(ROOT / 'launch/scenes/straight.yaml')
     robot = bench(scene=path)
     np.testing.assert_allclose(
         robot.robot.robot.pose(np.array(robot.states[-1].position)),
-        scene.load_scene(path).start_pose(), atol=1e-6)
-
-
-def test_starts_in_the_middle_of_the_limits_by_default(bench):
-    robot = bench()
-    np.testing.assert_allclose(robot.states[-1].position, robot.robot.robot.middle)
+        load_scene(path).start_pose(), atol=1e-6)
 
 
 @pytest.mark.parametrize('parameters, message', [
     ({'robot_description': ''}, 'empty'),
     ({'robot_description': '<robot'}, 'malformed XML'),
     ({'tip_frame': 'hand'}, "'hand'"),
-    ({'initial_positions': [0.0, 1.0]}, 'initial_positions: .* must be 6 numbers'),
-    ({'initial_positions': [9.0, 0.0, 0.0, 0.0, 0.0, 0.0]}, 'joint_1 = 9'),
     ({'rate': 0.0}, 'rate'),
-    ({'lag': -1.0}, 'lag'),
     ({'scene': '/nowhere.yaml'}, 'nowhere.yaml'),
 ])
 def test_bad_parameters_get_one_line(context, parameters, message):
@@ -187,8 +161,3 @@ def test_scene_out_of_reach_gets_one_line(context, tmp_path):
         '  start: [3.0, 0.0, 0.1]' if line.startswith('  start: [') else line for line in text))
     with pytest.raises(UnreachableError, match='no joint positions within the limits'):
         MockRobotNode(context=context, parameter_overrides=overrides(scene=str(far)))
-
-
-def test_errors_are_those_that_a_node_can_be_refused_for():
-    assert issubclass(ConfigurationError, ValueError)
-    assert issubclass(UnreachableError, ValueError)

@@ -16,10 +16,9 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.ros.conversions import pose_from_msg, stamp_from_ns
 from tactile_common.ros.runner import make_executor
 from tactile_sensing import open_sensor
-from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.calibration_file import save_calibration
 from tactile_sensing.devices.flexitac import FlexiTacDecoder, MARKER
 from tactile_sensing.devices.registry import options_of, PROTOCOLS
+from tactile_simulation.nodes import mock_sensor
 from tactile_simulation.nodes.mock_sensor import MockSensorNode
 from tactile_simulation.pseudo_terminal import PseudoTerminal
 from tactile_simulation.scene import load_scene
@@ -48,9 +47,9 @@ def mock(context, tmp_path):
     """Start mock sensors by parameters; all of them are gone after the test."""
     nodes = []
 
-    def start(**parameters):
+    def start(frames=None, **parameters):
         parameters = {'port': str(tmp_path / 'sensor'), **parameters}
-        node = MockSensorNode(context=context, parameter_overrides=[
+        node = MockSensorNode(frames, context=context, parameter_overrides=[
             Parameter(name, value=value) for name, value in parameters.items()])
         nodes.append(node)
         return node
@@ -67,12 +66,7 @@ def scene(tmp_path):
     return str(path)
 
 
-@pytest.fixture
-def recording(tmp_path):
-    frames = np.random.default_rng(0).integers(0, 256, (30, 5, 7)).astype(np.float32)
-    path = tmp_path / 'recording.npz'
-    np.savez(path, frames=frames, rate_hz=200.0)
-    return str(path), frames
+FRAMES = np.random.default_rng(0).integers(0, 256, (30, 5, 7), np.uint8)
 
 
 class Listener:
@@ -173,8 +167,13 @@ def test_picture_follows_the_pose(mock, scene, context, tmp_path):
     assert frame.mean(axis=0).argmax() in (5, 6)  # 3 mm to the side of the pad's centre
 
 
-def test_a_frame_without_a_pose_of_its_instant_is_not_sent(mock, scene, context, tmp_path):
-    node = mock(scene=scene, max_pose_age=0.05)
+@pytest.fixture
+def slow_poses(monkeypatch):
+    monkeypatch.setattr(mock_sensor, '_MAX_POSE_AGE', 0.05)
+
+
+def test_a_frame_without_a_pose_of_its_instant_is_not_sent(mock, scene, slow_poses, tmp_path):
+    node = mock(scene=scene)
     message = looking_down()
 
     def place(age):
@@ -196,40 +195,18 @@ def test_a_frame_without_a_pose_of_its_instant_is_not_sent(mock, scene, context,
             node._stop.wait(0.005)
 
 
-def test_a_frame_shows_the_pose_at_its_own_instant(mock, scene, tmp_path):
-    """Of a pad that sinks steadily, known at every 10 ms, each frame shows where it was then."""
-    node = mock(scene=scene, latency=0.03, max_pose_age=0.05)
-    asked = []
-    render = node._world.counts
-    node._world.counts = lambda pose, rng, now: asked.append(
-        (time.time(), pose)) or render(pose, rng)
-    message = looking_down()
-    begin = time.time()
-    with Listener(tmp_path / 'sensor') as listener:
-        end = time.monotonic() + DEADLINE
-        while sum(pose is not None for _, pose in asked) < 20:
-            assert time.monotonic() < end
-            now = time.time()
-            message.header.stamp = stamp_from_ns(round(now * 1e9))
-            message.pose.position.z = 0.15 - 0.01 * (now - begin)
-            node._on_pose(message)
-            node._stop.wait(0.01)
-        listener.read_bytes(300)
-    for at, pose in asked:
-        if pose is not None:
-            shown_at = begin + (0.15 - pose[2, 3]) / 0.01
-            assert shown_at <= at - 0.029  # the latency before it was rendered, or earlier if late
-
-
-def test_a_frame_that_is_newer_than_every_pose_shows_the_motion_go_on(mock, scene, tmp_path):
-    """Of a pad that sinks steadily, known 8 ms late, a frame shows where it is by now."""
-    node = mock(scene=scene, latency=0.001, max_pose_age=0.05)
-    ahead = []
-    render = node._world.counts
+@pytest.mark.parametrize('delay, behind', [(0.03, 0.0), (0.0025, 0.008)])
+def test_a_frame_shows_the_pose_at_its_own_instant(
+        mock, scene, slow_poses, monkeypatch, tmp_path, delay, behind):
+    """Of a pad that sinks steadily: sent so much later, of poses that are known so late [s]."""
+    monkeypatch.setattr(mock_sensor, 'ACQUISITION_DELAY', delay)
+    node = mock(scene=scene)
+    ahead, render = [], node._world.counts
     message = looking_down()
     begin, begin_steady = time.time(), time.monotonic()
 
     def counts(pose, rng, instant):
+        assert time.monotonic() >= instant + delay - 1e-3
         if pose is not None and len(node._poses) > 1:
             shown_at = (0.15 - pose[2, 3]) / 0.01
             ahead.append(instant - begin_steady - shown_at)
@@ -240,7 +217,7 @@ def test_a_frame_that_is_newer_than_every_pose_shows_the_motion_go_on(mock, scen
         end = time.monotonic() + DEADLINE
         while len(ahead) < 20:
             assert time.monotonic() < end
-            at = time.time() - 0.008
+            at = time.time() - behind
             message.header.stamp = stamp_from_ns(round(at * 1e9))
             message.pose.position.z = 0.15 - 0.01 * (at - begin)
             node._on_pose(message)
@@ -249,62 +226,28 @@ def test_a_frame_that_is_newer_than_every_pose_shows_the_motion_go_on(mock, scen
     assert abs(np.median(ahead)) < 0.002  # s; of the newest pose it would be more than 7 ms
 
 
-def test_recording_streams_exactly(mock, recording, tmp_path):
-    path, frames = recording
-    node = mock(recording=path)
+@pytest.mark.parametrize('frames', [FRAMES, np.uint16(5) * FRAMES])
+def test_given_frames_are_sent_exactly_once_somebody_listens(mock, frames, tmp_path):
+    node = mock(frames)
+    assert not node.finished.wait(0.2) and node.sent == 0  # longer than they take
     with Listener(tmp_path / 'sensor') as listener:
-        data = listener.read_bytes(2 + 30 * 37)
+        data = listener.read_bytes(2 + 30 * (2 + 35 * frames.itemsize))
         assert node.finished.wait(DEADLINE)
-        np.testing.assert_array_equal(decoded(data, (5, 7)), frames)
+        np.testing.assert_array_equal(decoded(data, (5, 7), frames.dtype), frames)
     assert (node.sent, node.dropped) == (30, 0)
-
-
-def test_recording_streams_the_words_of_its_calibration(mock, tmp_path):
-    frames = np.random.default_rng(0).integers(0, 1024, (10, 5, 7))
-    np.savez(tmp_path / 'recording.npz', frames=frames, rate_hz=200.0)
-    save_calibration(Calibration.uncalibrated(5, 7, 0.001, bits=10), tmp_path / 'pad.yaml')
-    node = mock(recording=str(tmp_path / 'recording.npz'), calibration=str(tmp_path / 'pad.yaml'))
-    with Listener(tmp_path / 'sensor') as listener:
-        data = listener.read_bytes(2 + 10 * 72)
-        assert node.finished.wait(DEADLINE)
-        np.testing.assert_array_equal(decoded(data, (5, 7), np.uint16), frames)
 
 
 @pytest.mark.parametrize('protocol', PROTOCOLS)
 def test_every_protocol_is_spoken_and_its_commands_are_heard(mock, tmp_path, protocol):
-    frames = np.random.default_rng(0).integers(0, 200, (400, 7, 4))
-    np.savez(tmp_path / 'recording.npz', frames=frames, rate_hz=100.0)
+    frames = np.random.default_rng(0).integers(0, 200, (400, 7, 4), np.uint8)
     options = 'stamp=us checksum=true' if protocol == 'csv_lines' else ''
-    node = mock(recording=str(tmp_path / 'recording.npz'), protocol=protocol, options=options,
-                loop=True)
+    mock(frames, protocol=protocol, options=options, rate=100.0)
     with open_sensor(str(tmp_path / 'sensor'), protocol, 7, 4, 100.0,
                      **options_of(protocol, options)) as sensor:
         images = [image for image, _ in zip(sensor, range(50), strict=False)]
         first = [image.tolist() for image in frames].index(images[0].counts.tolist())
         np.testing.assert_array_equal(
             [image.counts for image in images], frames[first:first + 50])
-        answer = node.set_parameters([Parameter('faults', value='hang_up=1.0')])
-        assert answer[0].successful
-        end = time.monotonic() + DEADLINE
-        while not sensor.fault:
-            assert time.monotonic() < end
-            sensor.read()
-        node.set_parameters([Parameter('faults', value='')])
-        while not sensor.read() or sensor.connections < 2:
-            assert time.monotonic() < end
-    assert not node.set_parameters([Parameter('faults', value='flip=7')])[0].successful
-
-
-def test_recording_waits_for_its_listener_and_loops(mock, recording, tmp_path):
-    path, frames = recording
-    node = mock(recording=path, loop=True)
-    assert not node.finished.wait(0.2)  # longer than the recording
-    assert node.sent == 0
-    with Listener(tmp_path / 'sensor') as listener:
-        data = listener.read_bytes(2 + 70 * 37)
-    np.testing.assert_array_equal(
-        decoded(data, (5, 7))[:70], np.concatenate([frames, frames, frames[:10]]))
-    assert not node.finished.is_set()
 
 
 def test_a_link_left_behind_is_replaced_and_shutdown_hangs_up_and_removes_it(
@@ -375,14 +318,11 @@ def test_nothing_else_is_overwritten(mock, scene, tmp_path, make):
 
 
 @pytest.mark.parametrize('parameters, words', [
-    ({}, 'must be exactly one'),
-    ({'scene': 'a', 'recording': 'b'}, 'must be exactly one'),
+    ({}, "'scene' is ''"),
     ({'scene': '/none/scene.yaml'}, 'No such file'),
-    ({'recording': '/none/recording.npz'}, 'No such file'),
     ({'port': '', 'scene': True}, 'scene'),
     ({'rate': 0.0}, 'rate'),
     ({'protocol': 'morse'}, 'protocol'),
-    ({'latency': -1.0}, 'latency'),
 ])
 def test_wrong_parameters_are_named(mock, parameters, words):
     with pytest.raises(ConfigurationError, match=words):

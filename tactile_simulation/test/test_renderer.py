@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
+from tactile_sensing.devices.calibration_file import load_calibration
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.thesis.line import pressure as line_pressure
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_world import EdgeScene, EdgeWorld, Start
-from tactile_simulation.render import render
+from tactile_simulation.render import force_on, render
+from tactile_simulation.scene_calibration import write_calibration
 from tactile_simulation.sensor import Sensor, Skin
 
 PITCH = 0.0254 / 16
@@ -50,32 +52,33 @@ def line_points(rho, yaw, indentation, reach=0.1):
 @pytest.mark.parametrize('depth', [0.001, 0.002, 0.004])
 @pytest.mark.parametrize('rho, yaw', [(0, 0), (0.003, 0.3), (-0.006, -0.7), (0.002, 1.5)])
 def test_long_straight_edge_is_a_line_load(depth, rho, yaw):
-    pressure, _ = render(line_points(rho, yaw, 0.001), PAD, Skin(depth, 2e5))
+    pressure = render(line_points(rho, yaw, 0.001), PAD, Skin(depth, 2e5))
     expected = line_pressure(PAD.x, PAD.y[:, None], rho, yaw, 200.0, depth)
-    np.testing.assert_allclose(pressure, expected, atol=1e-4 * 2 * 200.0 / (math.pi * depth))
+    np.testing.assert_allclose(pressure, expected, atol=5e-4 * 2 * 200.0 / (math.pi * depth))
 
 
 def test_five_newton_give_63_kilopascal():
     fine = TactelArray(16, 17, PITCH, PITCH)  # with a column at x = 0
     indentation = 5.0 / (2e5 * 0.0254)
-    pressure, force = render(line_points(0, 0, indentation), fine, SKIN)
-    assert force == pytest.approx(5.0)
+    points = line_points(0, 0, indentation)
+    assert force_on(points, fine, SKIN) == pytest.approx(5.0)
+    pressure = render(points, fine, SKIN)
     assert pressure.max() == pytest.approx(62.7e3, rel=1e-3)
 
 
 def test_whole_pressure_carries_the_whole_load():
-    wide = TactelArray(160, 160, 0.001, 0.001)
+    wide = TactelArray(64, 64, 0.001, 0.001)
     points = np.array([[-0.004, -0.003, -0.001], [0.005, 0.004, -0.001]])
-    pressure, force = render(points, wide, SKIN)
+    pressure, force = render(points, wide, SKIN), force_on(points, wide, SKIN)
     load = 2e5 * 0.001 * math.dist(points[0], points[1])
     assert force == pytest.approx(load)
-    assert pressure.sum() * 1e-6 == pytest.approx(load, rel=1e-3)
+    assert pressure.sum() * 1e-6 == pytest.approx(load, rel=3e-3)
 
 
 @pytest.mark.parametrize('yaw, chord', [
     (0.0, 0.0254), (0.3, 0.0254 / math.cos(0.3)), (math.pi / 4, 0.0254 * math.sqrt(2))])
 def test_force_counts_the_chord_in_the_array(yaw, chord):
-    _, force = render(line_points(0, yaw, 0.001), PAD, SKIN)
+    force = force_on(line_points(0, yaw, 0.001), PAD, SKIN)
     assert force == pytest.approx(200.0 * chord)
 
 
@@ -83,14 +86,14 @@ def test_force_counts_the_chord_in_the_array(yaw, chord):
     ((0.001, -0.008), (0.004, 0.006)), ((0.0, 0.0), (0.0, 0.03)), ((-0.02, 0.0), (0.003, 0.0))])
 def test_end_of_an_edge(start, end):
     points = np.array([[*start, -0.001], [*end, -0.001]])
-    pressure, _ = render(points, PAD, SKIN)
+    pressure = render(points, PAD, SKIN)
     expected = segment_pressure(PAD, 0.002, start, end, 200.0, 200.0)
     np.testing.assert_allclose(pressure, expected, atol=1e-3 * expected.max())
 
 
 def test_tilted_pad_lifts_off():
     points = np.array([[0.0, -0.01, -0.001], [0.0, 0.01, 0.001]])
-    pressure, force = render(points, PAD, SKIN)
+    pressure, force = render(points, PAD, SKIN), force_on(points, PAD, SKIN)
     assert force == pytest.approx(0.5 * 200.0 * math.hypot(0.01, 0.001), rel=1e-9)
     expected = segment_pressure(PAD, 0.002, (0, -0.01), (0, 0), 200.0, 0.0)
     np.testing.assert_allclose(
@@ -100,37 +103,34 @@ def test_tilted_pad_lifts_off():
 def test_chords_of_one_edge_add_up():
     straight = line_points(0.002, 0.4, 0.001)
     dense = np.linspace(straight[0], straight[1], 941)
-    whole, whole_force = render(straight, PAD, SKIN)
-    parts, parts_force = render(dense, PAD, SKIN)
+    whole, parts = (render(points, PAD, SKIN) for points in (straight, dense))
     np.testing.assert_allclose(parts, whole, atol=5e-4 * whole.max())
-    assert parts_force == pytest.approx(whole_force)
+    assert force_on(dense, PAD, SKIN) == pytest.approx(force_on(straight, PAD, SKIN))
 
 
 @pytest.mark.parametrize('points', [
     [[0, -0.1, 0.0], [0, 0.1, 0.0]], [[0, -0.1, 0.01], [0, 0.1, 0.02]],
     [[0.05, -0.1, -0.001], [0.05, 0.1, -0.001]]])
 def test_no_touch_no_pressure(points):
-    pressure, force = render(np.array(points), PAD, SKIN)
-    assert not pressure.any()
-    assert force == 0.0
+    assert not render(np.array(points), PAD, SKIN).any()
+    assert force_on(np.array(points), PAD, SKIN) == 0.0
 
 
 def test_scales_with_stiffness_and_size():
     points = line_points(0.001, 0.2, 0.001)
-    once, force = render(points, PAD, SKIN)
-    twice, double = render(points, PAD, Skin(0.002, 4e5))
-    np.testing.assert_allclose(twice, 2 * once)
-    assert double == pytest.approx(2 * force)
-    small, small_force = render(
-        0.5 * points, TactelArray(16, 16, PITCH / 2, PITCH / 2), Skin(0.001, 2e5))
-    np.testing.assert_allclose(small, once)
-    assert small_force == pytest.approx(force / 4)
+    once, force = render(points, PAD, SKIN), force_on(points, PAD, SKIN)
+    twice = points, PAD, Skin(0.002, 4e5)
+    np.testing.assert_allclose(render(*twice), 2 * once)
+    assert force_on(*twice) == pytest.approx(2 * force)
+    small = 0.5 * points, TactelArray(16, 16, PITCH / 2, PITCH / 2), Skin(0.001, 2e5)
+    np.testing.assert_allclose(render(*small), once)
+    assert force_on(*small) == pytest.approx(force / 4)
 
 
-def a_scene(noise_std=0.0, baseline=10.0, pa_per_count=160e3 / 255):
+def a_scene(noise_std=0.0, baseline=10.0):
     edge = EdgePath(np.array([[0.3, -0.1, 0.12], [0.3, 0.02, 0.12], [0.25, 0.1, 0.12]]))
-    return EdgeScene('test', 'An edge.', edge, SKIN, Start(0.05, 0.003, -0.001, 0.1),
-                     sensor=Sensor(noise_std, baseline, pa_per_count))
+    return EdgeScene('test', 'An edge.', edge, SKIN, Start(0.05, 0.003, -0.001, 6.0),
+                     sensor=Sensor(noise_std, baseline))
 
 
 def moved(scene, transform):
@@ -176,19 +176,7 @@ def test_sensor_x_points_left_of_the_edge():
     assert centroid < -0.0015  # the pad stands 3 mm to the left, so the edge lies at -x
 
 
-def test_counts_are_quantised_pressure_plus_baseline():
-    scene = a_scene()
-    renderer, pose = EdgeWorld(scene), scene.start_pose()
-    counts = renderer.counts(pose, np.random.default_rng(0))
-    assert counts.dtype == np.uint8
-    back = (counts.astype(float) - 10.0) * scene.sensor.pa_per_count
-    np.testing.assert_allclose(back, renderer.render(pose), atol=0.5001 * 160e3 / 255)
-
-
-def test_counts_saturate_at_both_ends():
-    pose = a_scene().start_pose()
-    strong = EdgeWorld(a_scene(pa_per_count=100.0)).counts(pose, np.random.default_rng(0))
-    assert strong.max() == 255
+def test_counts_end_at_zero():
     noisy = EdgeWorld(a_scene(noise_std=20e3)).counts(None, np.random.default_rng(0))
     assert noisy.min() == 0
 
@@ -208,21 +196,40 @@ def test_noise_has_its_size_and_repeats_with_the_seed():
 @pytest.mark.parametrize('thickness, area', [(0.0, 1.0), (0.004, 0.0), (0.004, 1.0)])
 def test_edge_on_a_backing_with_area_tactels_is_a_line(thickness, area):
     skin = Skin(0.002, thickness=thickness, poisson=0.45)
-    pressure, force = render(line_points(1e-3, 0.3, 0.001), PAD, skin, area=area)
+    pressure = render(line_points(1e-3, 0.3, 0.001), PAD, skin, area=area)
     expected = SkinPressure(skin.layer, area * PAD.pitch_x, area * PAD.pitch_y).line(
         PAD.x, PAD.y[:, None], 1e-3, 0.3, 0.001 * skin.stiffness)
     assert np.abs(pressure - expected).max() < 3e-3 * expected.max()
-    _, without = render(line_points(1e-3, 0.3, 0.001), PAD, Skin(0.002))
-    assert force == without  # what presses is the same
 
 
-def test_gauss_points_are_the_closed_form():
+def test_a_deep_backing_is_none():
     points = line_points(-2e-3, 0.6, 0.001)
-    closed, _ = render(points, PAD, Skin(0.002))
-    thick, _ = render(points, PAD, Skin(0.002, thickness=1.0))
-    np.testing.assert_allclose(thick, closed, atol=1e-3 * closed.max())
+    without, thick = (render(points, PAD, Skin(0.002, thickness=it)) for it in (0.0, 1.0))
+    np.testing.assert_allclose(thick, without, atol=1e-3 * without.max())
 
 
 def test_backing_above_the_tactels_is_refused():
     with pytest.raises(ConfigurationError, match='skin.thickness is 0.001'):
         Skin(0.002, thickness=0.001)
+
+
+def told(**sensor):
+    edge = EdgePath([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    return EdgeScene('pad', '', edge, skin=Skin(0.003, 1e5), start=Start(height=-0.001),
+                 sensor=Sensor(noise_std=0.0, **sensor))
+
+
+@pytest.mark.parametrize('sensor', [
+    {}, {'rows': 12, 'columns': 24, 'pitch_x': 0.001, 'pitch_y': 0.0015},
+    {'pa_per_count': 2000.0, 'baseline': 30.0}])
+def test_counts_become_the_pressure_that_was_rendered(tmp_path, sensor):
+    it = told(**sensor)
+    calibration = load_calibration(write_calibration(it, tmp_path / 'pad.yaml'))
+    assert calibration.array == it.sensor.array
+    assert (calibration.depth, calibration.skin_stiffness) == (0.003, 1e5)
+    renderer, pose = EdgeWorld(it), it.start_pose()
+    layer, saturated = calibration.converter()(
+        renderer.counts(pose, np.random.default_rng(0)))
+    assert saturated == 0
+    np.testing.assert_allclose(
+        layer.stress, renderer.render(pose), atol=0.51 * it.sensor.pa_per_count)

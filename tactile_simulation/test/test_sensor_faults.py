@@ -12,7 +12,7 @@ from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
-from tactile_simulation.faults import Fault, FaultySensor
+from tactile_simulation.faults import Fault, Faults
 from tactile_simulation.scene import find_scene, load_scene
 from tactile_simulation.sensor import Sensor
 
@@ -187,7 +187,7 @@ def test_reports_of_a_faulty_sensor():
     counts = np.full((4, 8), 110, np.uint8)
 
     def report(fault, at):
-        return FaultySensor([Fault.of(fault)], sensor).report(counts, at)
+        return Faults([Fault.of(fault)], sensor).counts(counts, at)
 
     assert (report('dead@1', 0.9) == counts).all() and (report('dead@1', 1.0) == 10).all()
     assert (report('dead@1:1', 2.0) == counts).all()
@@ -196,9 +196,9 @@ def test_reports_of_a_faulty_sensor():
     assert (report('half_dead@0', 0.0)[0] == [10] * 4 + [110] * 4).all()
     assert (report('middle_dead@0', 0.0)[0] == [110] * 2 + [10] * 4 + [110] * 2).all()
     assert (report('drift@0=-6274.5', 1.0) == 100).all()
-    frozen = FaultySensor([Fault.of('frozen@1')], sensor)
-    frozen.report(counts, 0.5)
-    assert (frozen.report(counts + 5, 1.5) == counts).all()
+    frozen = Faults([Fault.of('frozen@1')], sensor)
+    frozen.counts(counts, 0.5)
+    assert (frozen.counts(counts + 5, 1.5) == counts).all()
 
 
 @pytest.mark.parametrize('text, told', [

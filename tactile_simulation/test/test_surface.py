@@ -18,12 +18,10 @@ from tactile_servo.tactile_jacobian.features import ModelFeatures
 from tactile_servo.tactile_jacobian.jacobian import Increments
 from tactile_servo.tactile_jacobian.table import build_table, grid
 from tactile_servo.types import State
-from tactile_simulation import surface_objects
 from tactile_simulation.cli.simulate import main
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.scene import load_scene
 from tactile_simulation.surface_objects import (
-    Mesh,
     nearest_point,
     normal_at,
     Placed,
@@ -89,29 +87,6 @@ def test_steps_and_ledges_are_where_they_are_said_to_be():
     assert StepShape(-np.inf, 0.02).distance(beyond) == pytest.approx([0.005, 0.003])
 
 
-def test_a_mesh_of_a_sphere_is_nearly_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(surface_objects, 'CELLS', 48)  # 3 mm: linear between, off by 0.04 mm
-    trimesh = pytest.importorskip('trimesh')
-    ball = trimesh.creation.icosphere(subdivisions=4, radius=35.0)  # mm, off by 0.06 mm
-    for suffix in ('stl', 'ply'):
-        ball.export(tmp_path / f'ball.{suffix}')
-    mesh = Mesh(str(tmp_path / 'ball.stl'), 1e-3)
-    points = np.random.default_rng(1).uniform(-0.02, 0.02, (500, 3))
-    assert abs(mesh.distance(points) - SPHERE.distance(points)).max() < 3e-4
-    near = points[abs(SPHERE.distance(points)) < 2e-3]
-    assert len(near) > 5 and abs(mesh.distance(near) - SPHERE.distance(near)).max() < 2e-4
-    (tmp_path / 'ball.yaml').write_text(
-        'name: ball\ndescription: A ball.\n'
-        'surface: {mesh: {file: ball.ply, scale: 0.001}, top: [0.3, 0.0, 0.1]}\n')
-    scene = load_scene(tmp_path / 'ball.yaml')
-    assert scene.surface.distance(np.array([TOP]))[0] == pytest.approx(0.0, abs=1e-4)
-    with pytest.raises(ConfigurationError, match='cannot be read'):
-        Mesh(str(tmp_path / 'none.stl'))
-    trimesh.Trimesh(ball.vertices, ball.faces[5:]).export(tmp_path / 'open.stl')
-    with pytest.raises(ConfigurationError, match='not closed'):
-        Mesh(str(tmp_path / 'open.stl'))
-
-
 # Scenes ------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('path', sorted(SCENES.glob('*.yaml')), ids=lambda path: path.stem)
@@ -132,10 +107,10 @@ def test_shipped_scenes(path):
     ('surface: {sphere: {}, top: [0, 0, 0]}', "key 'radius' is missing"),
     ('surface: {sphere: {radius: -1}, top: [0, 0, 0]}', 'surface.sphere.radius is -1'),
     ('surface: {plane: {}, top: [0, 0]}', 'surface.top'),
+    ('surface: {plane: {}, top: [0, 0, 0], heading: .nan}', 'surface.heading is nan'),
     ('surface: {plane: {}, top: [0, 0, 0]}\ntouch: {friction: 9}', 'touch.friction'),
     ('surface: {plane: {}, top: [0, 0, 0]}\nprobe: {skin_radius: 0.02}', 'must increase'),
-    ('surface: {plane: {}, top: [0, 0, 0]}\nedge: {}', "unknown key 'edge'"),
-    ('surface: {mesh: {file: none.stl}, top: [0, 0, 0]}', 'none.stl')])
+    ('surface: {plane: {}, top: [0, 0, 0]}\nedge: {}', "unknown key 'edge'")])
 def test_wrong_scenes_are_refused_with_what_is_wrong(text, message, tmp_path):
     path = tmp_path / 'wrong.yaml'
     path.write_text(f'name: wrong\ndescription: Wrong.\n{text}\n')

@@ -149,8 +149,7 @@ def test_a_probe_that_is_lifted_off_in_a_hold_has_not_lost_its_contact():
 def test_a_robot_that_comes_back_elsewhere_touches_nothing_there():
     simulation = paused_at(0.03)
     begin = simulation.commands[0][1]
-    simulation.robot = MockController(
-        PUMA.joint_names, PUMA.lower, PUMA.upper, PUMA.velocity_limit, initial_positions=begin)
+    simulation.robot = MockController(PUMA, begin, simulation.scene.plant)
     for _ in range(400):
         simulation.step()
     simulation.servo.pause(False, simulation.now)

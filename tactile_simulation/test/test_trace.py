@@ -16,8 +16,7 @@ from tactile_servo.laws.edge_following import EdgeFollowing
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
-from tactile_simulation.edge_path import EdgePath
-from tactile_simulation.edge_shapes import polygon
+from tactile_simulation.edge_path import lifted, walk
 from tactile_simulation.edge_world import contour_errors, EdgeScene, Start
 from tactile_simulation.scene import load_scene
 
@@ -79,11 +78,9 @@ def test_a_contour_closes_and_is_rebuilt():
 
 
 def test_a_corner_just_after_the_start_is_known_when_it_comes_again():
-    angles = 0.2 * math.pi * np.arange(10)  # a side of 30 mm; the edge begins in its middle
-    corners = 0.015 / math.sin(0.1 * math.pi) * np.column_stack([np.cos(angles), np.sin(angles)])
-    plan = polygon(corners, 0.0, True)
-    scene = EdgeScene('ten corners', '', EdgePath(np.column_stack([plan, np.zeros(len(plan))])),
-                  start=Start(s=0.012))
+    side, turn = (0.03, 0.0), (0.0, 0.2 * math.pi)  # the edge begins in the middle of a side
+    plan = walk((0.0, 0.0), 0.0, [(0.015, 0.0), turn, *[side, turn] * 9, (0.015, 0.0)])
+    scene = EdgeScene('ten corners', '', lifted(plan, 0.0), start=Start(s=0.012))
     simulation = Simulation(scene, 'trace')
     simulation.run(EdgeGoal(0.1, 5.0, closed=True), 30.0)
     assert simulation.servo.success, simulation.servo.reason

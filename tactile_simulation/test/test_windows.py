@@ -3,7 +3,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
-from puma_loop import ELBOW, LIMITS, PUMA, puma_loop, tracked
+from puma_loop import ELBOW, free_controller, LIMITS, PUMA, puma_loop, tracked
 import pytest
 
 from tactile_servo.config import HoldConfig, ServoConfig
@@ -11,7 +11,6 @@ from tactile_servo.motion.motion import Motion, SETTLING
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal
 from tactile_simulation.closed_loop import TRANSPORT
-from tactile_simulation.joint_controller import MockController
 
 CYCLE = 2_500_000  # ns
 BEGIN = 10**12  # ns
@@ -27,9 +26,7 @@ def play(cycles, *, period_ns, joined, offset=None, expected=lambda _: 0.0):
     motion = Motion(PUMA, LIMITS, 1e-9 * CYCLE)
     motion.seed(ELBOW)
     start = ELBOW if offset is None else ELBOW + offset
-    controller = MockController(
-        PUMA.joint_names, PUMA.lower, PUMA.upper, np.full(6, np.inf), initial_positions=start,
-        rate=1e9 / period_ns, dead_time=0.0, lag=0.0, interpolate_from_desired_state=joined)
+    controller = free_controller(start, rate=1e9 / period_ns, from_desired=joined)
     now_ns, arrivals = BEGIN, []
     for count, (pause, way, twist) in enumerate(cycles):
         now_ns += pause

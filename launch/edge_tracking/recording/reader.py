@@ -16,7 +16,7 @@ from tactile_sensing.conversions import sensor_info_from_msg
 from tactile_sensing.types.array import TactelArray
 from tactile_servo.journal import Call, WITH_TEXT
 from tactile_shape.conversions import patch_from_msg
-from tactile_simulation.smoothness import accelerations
+from tactile_simulation.metrics import accelerations
 
 MOST = 60_000  # messages of a topic, evenly spaced, that are read; of others only the stamps
 _COMPONENT_ZZ = 0

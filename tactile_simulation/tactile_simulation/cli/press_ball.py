@@ -10,8 +10,10 @@ import sys
 import numpy as np
 
 from tactile_common.command_line import between, Help, Parser, run_command
-from tactile_simulation.ball_press import BallPress, MODULUS
+from tactile_simulation.ball_press import BallPress
 from tactile_simulation.scene import describe_scenes, load_scene
+
+UNLOADED, PRESSES, FLAT = 100, 20, 40  # frames without load; presses of ball.npz and flat.npz
 
 
 def parser() -> argparse.ArgumentParser:
@@ -23,31 +25,22 @@ def parser() -> argparse.ArgumentParser:
     add = arguments.add_argument
     add('scene', help='name of a scene, see below, or a YAML file')
     add('--out', required=True, metavar='FOLDER', help='for unloaded.npz, ball.npz, flat.npz')
-    count = between(1, 10_000, kind=int)
     add('--radius', type=between(1e-5, 0.1, 'm'), default=0.003, help='of the ball [m]')
     add('--force', type=between(1e-3, 100.0, 'N'), default=0.5,
         help='with which it is pressed [N]')
-    add('--modulus', type=between(1e3, 1e9, 'Pa'), default=MODULUS,
-        help="Young's modulus of the skin [Pa]")
-    add('--presses', type=count, default=20, help='of ball.npz')
-    add('--flat', type=count, default=40, help='presses of flat.npz')
-    add('--unloaded', type=count, default=100, help='frames of unloaded.npz')
     add('--seed', type=between(0, 2**32 - 1, kind=int), default=0, help='of places and noise')
     return arguments
 
 
 def run(options: argparse.Namespace) -> str:
     """Write the recordings; return a text about them."""
-    press = BallPress(load_scene(options.scene), options.radius, options.force, options.modulus,
-                      options.seed)
+    press = BallPress(load_scene(options.scene), options.radius, options.force, options.seed)
     folder = Path(options.out)
     folder.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(folder / 'unloaded.npz', frames=press.unloaded(options.unloaded))
-    np.savez_compressed(folder / 'ball.npz', frames=press.frames(options.presses),
-                        force=options.force)
-    np.savez_compressed(folder / 'flat.npz', frames=press.frames(options.flat))
-    return (f'press_ball: {folder}: {options.unloaded} frames without load, {options.presses} '
-            f'and {options.flat} presses')
+    np.savez_compressed(folder / 'unloaded.npz', frames=press.unloaded(UNLOADED))
+    np.savez_compressed(folder / 'ball.npz', frames=press.frames(PRESSES), force=options.force)
+    np.savez_compressed(folder / 'flat.npz', frames=press.frames(FLAT))
+    return f'press_ball: {folder}: {UNLOADED} frames without load, {PRESSES} and {FLAT} presses'
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -5,8 +5,6 @@ Servo, estimator, limits and scene are those of the nodes. The robot is a gantry
 dead time and acceleration of the scene's plant, or the robot of a URDF.
 """
 import argparse
-from collections.abc import Callable
-from dataclasses import replace
 import sys
 import time
 from typing import Any
@@ -33,31 +31,31 @@ LAW_HELP = f'servo law; default: {law_for("track_edge")} for an edge, ' \
 PATTERNS = (Pattern.LINE, Pattern.RASTER, Pattern.SPIRAL)
 SEED = between(0, 2**32 - 1, kind=int)
 CLIENT_TIMEOUT = 1.0  # s, default of `track`; used with faults
+SIZE, STEP_OVER = (0.06, 0.06), 0.006  # m, of a raster or spiral
 NODE = '/tactile/edge_servo'  # node whose parameters are read from a file
 
 
 def parser() -> argparse.ArgumentParser:
-    """Return the command-line parser; some options have no attribute if they are not given."""
+    """Return the command-line parser."""
     arguments = Parser(
         prog='simulate', description=__doc__.strip().splitlines()[0], formatter_class=Help,
         epilog=f'{describe_scenes()}\n\n{describe_faults()}')
     add = arguments.add_argument
-    only: Any = {'default': argparse.SUPPRESS}
     add('scene', help='name of a scene, see below, or a YAML file')
     add('--law', choices=list(LAWS), help=LAW_HELP)
     add('--speed', type=float, default=0.03, help='along the edge, over the surface [m/s]')
     add('--force', type=float, default=5.0, help='on the pad [N]')
     add('--length', type=between(0.0, 10.0, 'm'), default=0.0,
         help='to track [m]; 0 = until the edge ends or the contour closes; 60 mm on a surface')
-    add('--direction', type=int, choices=(-1, 1), **only,
+    add('--direction', type=int, choices=(-1, 1),
         help="along an edge, by the sensor's y; default 1")
-    add('--pattern', choices=[pattern.name.lower() for pattern in PATTERNS], **only,
+    add('--pattern', choices=[pattern.name.lower() for pattern in PATTERNS],
         help='way over a surface; default line')
-    add('--heading', type=float, **only,
+    add('--heading', type=float,
         help='of that way, from base x [degrees]; default 90')
-    add('--size', type=between(1e-3, 1.0, 'm'), nargs=2, **only,
+    add('--size', type=between(1e-3, 1.0, 'm'), nargs=2,
         help='of a raster or spiral [m]; default 0.06 0.06')
-    add('--step-over', type=between(1e-4, 0.1, 'm'), **only,
+    add('--step-over', type=between(1e-4, 0.1, 'm'),
         help='between its rows or turns [m]; default 0.006')
     add('--seed', type=SEED, default=0, help="of the sensor's noise")
     add('--latency', type=between(0.0, 1.0, 's'),
@@ -79,42 +77,30 @@ def parser() -> argparse.ArgumentParser:
     return arguments
 
 
-def edge_goal(options: argparse.Namespace, scene: Any, direction: int = 1) -> EdgeGoal:
-    """Return the goal of a scene with an edge."""
-    return EdgeGoal(options.speed, options.force, direction, options.length,
-                    closed=scene.closed and options.length == 0.0
-                    and LAWS[options.law].closes_contours)
+# Options for one action only.
+ONLY = {'track_edge': ('direction',),
+        'track_surface': ('pattern', 'heading', 'size', 'step_over')}
 
 
-def surface_goal(options: argparse.Namespace, scene: Any, pattern: str = 'line',
-                 heading: float = 90.0, size=(0.06, 0.06), step_over: float = 0.006,
-                 **_) -> SurfaceGoal:
-    """Return the goal of a scene with a surface."""
-    angle, kind = np.radians(heading), Pattern[pattern.upper()]
-    length = (options.length or LINE_LENGTH) if kind is Pattern.LINE else 0.0
-    return SurfaceGoal(options.speed, options.force, kind,
-                       (float(np.cos(angle)), float(np.sin(angle)), 0.0), length,
-                       size=tuple(size), step_over=step_over)
-
-
-# For each action: the function that makes its goal, and the options for this action only.
-GOALS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
-    'track_edge': (edge_goal, ('direction',)),
-    'track_surface': (surface_goal, ('pattern', 'heading', 'size', 'step_over'))}
-
-
-def goal_of(options: argparse.Namespace, scene: Scene) -> EdgeGoal | SurfaceGoal:
+def goal_of(options: argparse.Namespace, scene: Any) -> EdgeGoal | SurfaceGoal:
     """Return the goal of the options; ConfigurationError if an option does not apply."""
-    make, mine = GOALS[scene.action]
-    given = {name: vars(options)[name] for _, names in GOALS.values() for name in names
-             if name in options}
-    for name in given:
-        if name not in mine:
-            raise ConfigurationError(
-                f'--{name.replace("_", "-")} does not apply to {scene.name}: there a servo '
-                f'is asked for {scene.action}')
-    goal = make(options, scene, **given)
-    return replace(goal, client_timeout=CLIENT_TIMEOUT if options.fault else 0.0)
+    for name in (name for action, names in ONLY.items() if action != scene.action
+                 for name in names if getattr(options, name) is not None):
+        raise ConfigurationError(
+            f'--{name.replace("_", "-")} does not apply to {scene.name}: there a servo '
+            f'is asked for {scene.action}')
+    timeout = CLIENT_TIMEOUT if options.fault else 0.0
+    if scene.action == 'track_edge':
+        closed = scene.closed and not options.length and LAWS[options.law].closes_contours
+        return EdgeGoal(options.speed, options.force, options.direction or 1, options.length,
+                        closed=closed, client_timeout=timeout)
+    angle = np.radians(90.0 if options.heading is None else options.heading)
+    pattern = Pattern[(options.pattern or 'line').upper()]
+    return SurfaceGoal(
+        options.speed, options.force, pattern, (float(np.cos(angle)), float(np.sin(angle)), 0.0),
+        (options.length or LINE_LENGTH) if pattern is Pattern.LINE else 0.0,
+        size=tuple(options.size or SIZE), step_over=options.step_over or STEP_OVER,
+        client_timeout=timeout)
 
 
 def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:

@@ -1,9 +1,11 @@
 """Simulated robot behind the topics of a joint_trajectory_controller."""
+from dataclasses import dataclass, field
+
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
+from tactile_common.config import bounded
 from tactile_common.errors import Rejected
 from tactile_common.ros.conversions import stamp_from_ns
 from tactile_common.ros.node import TactileNode
@@ -11,15 +13,31 @@ from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_servo.conversions import joint_state_to_msg, trajectory_from_msg
 from tactile_servo.motion.robot import RobotModel
-from tactile_simulation.joint_controller import Late, MockController, MockRobotConfig
+from tactile_simulation.joint_controller import Late, MockController, RATE
 from tactile_simulation.scene import load_scene
+from tactile_simulation.world import Plant
+
+
+@dataclass(frozen=True)
+class MockRobotConfig:
+    """Parameters of the mock robot."""
+
+    robot_description: str = field(default='', metadata={
+        'doc': 'URDF of the robot: path of a file, or the XML itself'})
+    tip_frame: str = field(default='tactile_pad', metadata={
+        'doc': 'link of the URDF that is the sensor frame'})
+    scene: str = field(default='', metadata={
+        'doc': "scene file that gives the start pose of the sensor and the plant; '' = none: "
+        'the robot begins in the middle of its limits'})
+    rate: float = bounded(
+        RATE, 'rate of the controller and of the joint states', 'Hz', 10.0, 2000.0)
+    controller: str = field(default='/joint_trajectory_controller', metadata={
+        'doc': 'name of the controller; its topic is joint_trajectory below it'})
 
 
 class MockRobotNode(TactileNode):
     """
     Plays trajectories with a mock controller and publishes the joint states.
-
-    `~/activate` switches the controller off and on, as a controller manager does.
 
     Attributes
     ----------
@@ -31,12 +49,11 @@ class MockRobotNode(TactileNode):
         super().__init__('mock_robot', **kwargs)
         config = declare_from(self, MockRobotConfig)
         self.robot = RobotModel.from_urdf(config.robot_description, config.tip_frame)
-        self.controller = MockController(
-            self.robot.joint_names, self.robot.lower, self.robot.upper,
-            self.robot.velocity_limit, initial_positions=_start(config, self.robot),
-            rate=config.rate,
-            dead_time=config.dead_time, lag=config.lag,
-            interpolate_from_desired_state=config.interpolate_from_desired_state)
+        start, plant = self.robot.middle, Plant()
+        if config.scene:
+            scene = load_scene(config.scene)
+            start, plant = self.robot.inverse(scene.start_pose(), None), scene.plant
+        self.controller = MockController(self.robot, start, plant, rate=config.rate)
         self.rejected = self.late = 0
         self._violations = 0
         self._state = JointState()
@@ -44,7 +61,6 @@ class MockRobotNode(TactileNode):
         self.create_subscription(
             JointTrajectory, f'{config.controller}/joint_trajectory', self._on_trajectory,
             QoSProfile(depth=10))
-        self.create_service(SetBool, '~/activate', self._on_activate)
         self.create_timer(1.0 / config.rate, self._on_timer)
 
     def _on_trajectory(self, message):
@@ -58,12 +74,6 @@ class MockRobotNode(TactileNode):
                 f'trajectory rejected ({self.rejected} so far): {error}',
                 throttle_duration_sec=1.0)
 
-    def _on_activate(self, request, response):
-        self.controller.activate(request.data)
-        response.success = True
-        response.message = f'the controller is {"" if request.data else "not "}active'
-        return response
-
     def _on_timer(self):
         now_ns = self.get_clock().now().nanoseconds
         positions, velocities = self.controller.run_to(1e-9 * now_ns)
@@ -74,14 +84,6 @@ class MockRobotNode(TactileNode):
             self.get_logger().warning(
                 f'command clamped to a joint limit ({self._violations} steps so far)',
                 throttle_duration_sec=1.0)
-
-
-def _start(config, robot):
-    """Return the initial joint positions: given, of the scene's start pose, or the middle."""
-    seed = config.initial_positions or None
-    if config.scene:
-        return robot.inverse(load_scene(config.scene).start_pose(), seed)
-    return robot.middle if seed is None else seed
 
 
 def main(args=None) -> int:
