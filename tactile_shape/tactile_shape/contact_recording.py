@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tactile_sensing.observations import Observation
 
 NEEDED = ('contact', 'sensor_pose')  # topics; 'image' (bends and ends of edges) may be missing
+SETTINGS = ('finger_radius', 'position_noise', 'normal_noise', 'location_noise')
 ROW = np.dtype([('t', float), ('position', float, 3), ('normal', float, 3), ('edge', bool)])
 
 
@@ -84,7 +85,10 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
         raise ConfigurationError(f'{path}: there is no such file')
     if path.suffix != '.npz':
         return _from_bag(path, namespace, finger_radius)
-    arrays = read_arrays(path, ('t', 'position', 'normal'))
+    arrays = read_arrays(path, ('t', 'position', 'normal'), SETTINGS)
+    if held := [name for name in SETTINGS if name in arrays]:
+        raise ConfigurationError(f'{path}: holds {", ".join(held)}, but fit takes settings from '
+                                 'its options alone')
     with clear_errors(path):
         return ContactRecording(**arrays)
 

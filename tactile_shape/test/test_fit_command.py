@@ -119,6 +119,7 @@ GOOD = contacts(length=0.01)
     ({'t': GOOD['t'] * np.nan}, (), 't: a number is not finite'),
     ({'position': GOOD['position'] * np.nan}, (), 'no row is finite'),
     ({'position': GOOD['position'].astype(str)}, (), 'type'),
+    ({'finger_radius': 0.01}, (), 'holds finger_radius, but fit takes settings from its options'),
     ({}, ('--finger-radius', '-1'), 'finger_radius is -1'),
     ({}, ('--window', '0'), 'window is 0'), ({}, ('--window', 'x'), 'invalid float'),
     ({}, ('--location-noise', 'nan'), 'location_noise is nan'),
