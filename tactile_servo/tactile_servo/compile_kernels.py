@@ -17,6 +17,7 @@ from tactile_servo.laws.edge_following import EdgeFollowing
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion
 from tactile_servo.motion.robot import RobotModel
+from tactile_servo.motion.window import at_rest, sample
 from tactile_servo.types import EdgeGoal
 
 ARRAY, DEPTH, NOISE = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002, 600.0  # m, m, Pa
@@ -45,6 +46,7 @@ def compile_kernels() -> None:
     motion.seed(np.zeros(2))
     motion.command(np.full(6, 0.01), 0)
     motion.along(np.ones(6))
+    sample(at_rest(np.zeros(2), 0.0), 0.0)
     inputs = Inputs(model, limits)
     inputs.see_joints(np.zeros(2), 0, 0.0)
     image = TactileImage(0, 0, (Layer('zz', DEPTH, np.zeros(ARRAY.shape)),), ARRAY, True)
