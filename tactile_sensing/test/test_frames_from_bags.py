@@ -97,7 +97,7 @@ def test_a_damaged_file_of_one_array_is_refused(there, capsys):
         (there / 'in.npy').write_bytes(content)
         assert 'damaged' in refused(capsys, 'in.npy', *PLAIN)
     np.save('in.npy', np.array([{}]), allow_pickle=True)
-    assert 'frames has shape (1,)' in refused(capsys, 'in.npy', *PLAIN)
+    assert 'is not an .npy array of numbers' in refused(capsys, 'in.npy', *PLAIN)
 
 
 def test_of_a_bag_is_told_what_the_node_tells(there):

@@ -175,7 +175,7 @@ def test_lost_contact_and_gaps_begin_a_new_path():
     assert [anew(10, point()), anew(20, point()), anew(30, point(valid=False)),
             anew(40, point())] == [True, False, False, False]
     assert anew(50, NOTHING) and anew(60, point()) and not anew(70, point())
-    assert not anew(300, point()) and anew(560, point())  # 230 and 260 ms after the last
+    assert not anew(210, point()) and anew(370, point())  # 140 and 160 ms after the last
 
 
 def test_a_recording_that_restarts():

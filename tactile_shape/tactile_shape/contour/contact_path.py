@@ -21,8 +21,8 @@ ELONGATED = 4.0  # ratio of second moments; a bent edge has 10 or more, a round 
 FARTHEST = 1.0  # m, largest |x| + |y| of a place on a pad
 LEAVING = 0.5  # share of a path's largest load; below it, the pad lifts off
 WAITING = 200  # most contacts or images that wait for their counterpart: about one second
-# Contacts farther apart belong to different paths: two and a half frames of a sensor of 10 Hz.
-MAX_GAP_NS = NS // 4
+# Contacts farther apart belong to different paths: one and a half frames of a sensor of 10 Hz.
+MAX_GAP_NS = NS * 3 // 20
 Place = tuple[float, float]  # x, y on the array [m]
 
 
