@@ -1,4 +1,4 @@
-"""Stamps of frames from the times of reads: stalls, bursts, jitter; no clock is read."""
+"""Stamps of frames from the times of reads: stalls, bursts, floods; no clock is read."""
 import numpy as np
 import pytest
 
@@ -8,7 +8,7 @@ from tactile_sensing.devices.flexitac import (
     FlexiTacDevice,
     MARKER,
 )
-from tactile_sensing.devices.frame_clock import FrameClock, STALL_PERIODS
+from tactile_sensing.devices.frame_clock import BURST, FrameClock, RATE_MARGIN, STALL_PERIODS
 from tactile_sensing.devices.lines import CsvDecoder, CsvDevice
 
 encode_next = FlexiTacDevice().encode
@@ -90,15 +90,26 @@ def test_a_slow_line_is_not_a_stall():
     assert np.abs(np.array([frame.stamp_ns for frame in got]) - ends)[50:].max() < 0.1 * PERIOD
 
 
+@pytest.mark.parametrize('per_read', [1, 40])
+def test_a_flood_is_thinned(clock, per_read):
+    """A sensor of 200 Hz sends 8,300 images per second."""
+    got, total = 0, 8300
+    for k in range(0, total, per_read):
+        data = b''.join(encode_next(picture(n)) for n in range(k, k + per_read))
+        got += len(clock.receive(data, NOON + PERIOD + round(k / 8300 * 1e9)))
+    assert got <= (1.0 + BURST) * RATE_MARGIN * RATE + 1
+    assert clock.thinned >= total - (1.0 + BURST) * RATE_MARGIN * RATE - per_read
+
+
 @pytest.mark.parametrize('factor', [1.0, 0.1, 5.0])
-def test_no_frame_is_missed_at_a_rate_that_a_sensor_may_have(factor):
+def test_no_frame_is_thinned_at_a_rate_that_a_sensor_may_have(factor):
     clock, rng, got = FrameClock(FlexiTacDecoder(*SHAPE), RATE), np.random.default_rng(0), 0
     clock.receive(MARKER, NOON)
     late = 0.3 * PERIOD * rng.random(2000)
     for k in range(2000):
         got += len(clock.receive(
             encode_next(picture(k)), NOON + round((k + 1) * PERIOD / factor + late[k])))
-    assert got == 2000 and clock.stalled == 0
+    assert got == 2000 and clock.thinned == clock.stalled == 0
 
 
 def test_times_rise_and_survive_a_clock_that_is_set_back(clock):
@@ -125,6 +136,24 @@ def test_a_new_start_forgets_half_a_frame(clock):
     data = MARKER + b''.join(encode_next(picture(k)) for k in range(4))
     assert len(clock.receive(data, NOON + 10**10)) == 4
     assert clock.stalled == 0
+
+
+def test_frames_that_waited_while_newer_ones_were_lost_are_old(clock):
+    """A reader is 0.5 s late; the port has kept the first 16 frames and lost the others."""
+    data = b''.join(encode_next(picture(k)) for k in range(16))
+    got = clock.receive(data, NOON + 100 * PERIOD, NOON)
+    assert [frame.stamp_ns - NOON for frame in got] == [PERIOD * k for k in range(1, 17)]
+    (stamped,) = clock.receive(encode_next(picture(50)), NOON + 101 * PERIOD, NOON + 100 * PERIOD)
+    assert stamped.stamp_ns == NOON + 101 * PERIOD
+
+
+def test_frames_that_waited_and_are_all_there_have_their_time(clock):
+    data = b''.join(encode_next(picture(k)) for k in range(100))
+    half = len(data) // 2
+    got = clock.receive(data[:half], NOON + 100 * PERIOD, NOON)
+    got += clock.receive(data[half:], NOON + 100 * PERIOD + 1000, NOON)
+    np.testing.assert_allclose([frame.stamp_ns - NOON for frame in got],
+                               PERIOD * np.arange(1, 101), atol=50 * 1000)
 
 
 def received(jitter, drift=50e-6, seconds=14.0, stamp='', step=0, lost=()):
@@ -166,6 +195,23 @@ def test_a_device_that_pauses_is_followed_within_half_a_second(step):
     assert np.all(off < 0.003 - min(step, 0.0)) and np.all(off > -0.0201)
     assert np.abs(off[round(0.55 * RATE):]).max() < 0.0021
     assert np.sqrt(np.mean(off[round(3.0 * RATE):]**2)) < 0.3e-3
+
+
+def test_frames_that_a_device_leaves_out_without_a_word_move_no_stamp():
+    rng, clock = np.random.default_rng(9), FrameClock(CsvDecoder(*SHAPE), RATE)
+    clock.receive(b'\n', NOON)
+    device, off, arrival = CsvDevice(), [], 0
+    for k in range(3000):
+        if k > 1000 and rng.random() < 0.1:  # neither sent nor counted
+            continue
+        sent = k * PERIOD
+        stall = 0.012e9 * (k > 1000 and rng.random() < 0.02)  # of the reader
+        arrival = max(arrival, sent + round(stall + 1.5e6 * rng.random()))
+        for frame in clock.receive(device.encode(picture(k)), NOON + arrival):
+            off.append((frame.stamp_ns - NOON - sent, arrival - sent))
+    off, late = np.array(off[1000:]).T
+    assert np.sqrt(np.mean(off[late < 2e6]**2)) < 0.3e6
+    assert np.all(off <= late + 100) and off.min() > -0.3e6
 
 
 def test_a_frame_that_is_counted_as_lost_moves_no_stamp():

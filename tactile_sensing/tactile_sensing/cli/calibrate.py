@@ -120,10 +120,15 @@ def record(options: argparse.Namespace) -> None:
         def look() -> tuple[np.ndarray, int]:
             counts = next(sensor).counts
             return counts.astype(float), int((counts >= full).sum())
+
+        def ask(text: str) -> str:
+            answer = input(text)
+            sensor.forget()
+            return answer
         (rows, columns), (pitch_x, pitch_y) = options.shape, pitch_of(options)
         array = TactelArray(rows, columns, pitch_x, pitch_y)
         try:
-            Recorder(Path(options.live), array, look, input, print).run()
+            Recorder(Path(options.live), array, look, ask, print).run()
         except EOFError:
             raise ConfigurationError(
                 'no more answers; the same command continues from here') from None

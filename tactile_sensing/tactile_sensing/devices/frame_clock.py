@@ -1,5 +1,6 @@
-"""Compute the stamps of a sensor's frames and reject stalled frames; reads no clock itself."""
+"""Compute the stamps of a sensor's frames and reject bad frames; reads no clock itself."""
 from collections import Counter, deque
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -8,13 +9,17 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.protocol import Decoder, Frame
 
 NS = 1_000_000_000
-MAX_RATE = 10e3  # largest rate of a sensor [Hz]
 # A frame whose bytes take longer than both does not show one instant.
 STALL_PERIODS, STALL_NS = 3, 10_000_000
+RATE_MARGIN = 6.0  # largest rate relative to the nominal one: a sensor may be set faster
+MAX_RATE = 10e3  # largest rate if no nominal rate is known [Hz]
+BURST = 0.1  # frames of this time may arrive at once after a pause [s]
 BLOCK_NS = NS // 2  # the frame with the smallest delay of each such block is used
-MOST_OF_BLOCK = 10_000  # frames; reached where the clock stands still
 LEAST_BLOCKS, BLOCKS = 4, 20  # smallest and largest number of blocks that a line is fitted to
 OFF_LINE_NS = 1e6  # a clock or a count has jumped if a block is farther from the line [ns]
+# A late frame shows that others were omitted if the jitter is below this share of a period.
+SURE = 0.6
+EARLY = 0.25  # a frame may be early by this share of a period
 MOST_JITTER = 3.0  # largest correction of a frame's arrival [times the usual jitter]
 JUMP_NS = NS  # a stamp earlier than the last one by this shows that the clock was set back [ns]
 
@@ -33,11 +38,14 @@ class SendTime:
 
     A frame cannot arrive before it was sent. Of frames that are evenly spaced in device time,
     those with the smallest delay lie on a line of arrival over device time; its slope includes the
-    drift of the device's clock. The result is never later than the arrival, and earlier by at
-    most three times the usual jitter.
+    drift of the device's clock. If the device time is only a count of frames, a frame that is late
+    by a period shows that the device omitted a frame, provided that the jitter is well below a
+    period. The result is never later than the arrival, and earlier by at most three times the
+    usual jitter.
     """
 
     def __init__(self) -> None:
+        self._left_out_ns = 0  # device time of frames that the device did not count [ns]
         self._jitter_ns = 0.0
         self.restart()
 
@@ -49,19 +57,33 @@ class SendTime:
         self._line = 0.0, 0.0
         self._origin = (0, 0)
 
-    def of(self, device_ns: int, arrival_ns: int) -> int:
-        """Return when a frame was sent [ns], given its device time and arrival."""
+    def of(self, device_ns: int, arrival_ns: int, period_ns: float = 0.0) -> int:
+        """
+        Return when a frame was sent [ns], given its device time and arrival.
+
+        If the device time is a count of frames times their period, give the period too.
+        """
+        device_ns += self._left_out_ns
+        if self._jitter_ns < SURE * self._line[0] * period_ns:
+            late_ns = arrival_ns - self._sent(device_ns)
+            left_out_ns = round(period_ns * math.floor(
+                late_ns / (self._line[0] * period_ns) + EARLY))
+            self._left_out_ns += left_out_ns
+            device_ns += left_out_ns
         self._block.append((device_ns, arrival_ns))
         if (abs(arrival_ns - self._block[0][1]) >= BLOCK_NS
-                or len(self._block) >= MOST_OF_BLOCK):
+                or len(self._block) >= MAX_RATE):  # in case the clock stands still
             self._blocks.append(np.array(self._block))
             self._block = []
             self._fit()
-        slope, offset = self._line
-        if not slope:
+        if not self._line[0]:
             return arrival_ns
-        sent_ns = self._origin[1] + round(slope * (device_ns - self._origin[0]) + offset)
-        return min(max(sent_ns, arrival_ns - round(MOST_JITTER * self._jitter_ns)), arrival_ns)
+        most_ns = round(MOST_JITTER * self._jitter_ns)
+        return min(max(self._sent(device_ns), arrival_ns - most_ns), arrival_ns)
+
+    def _sent(self, device_ns: int) -> int:
+        slope, offset = self._line
+        return self._origin[1] + round(slope * (device_ns - self._origin[0]) + offset)
 
     def _fit(self) -> None:
         if len(self._blocks) < LEAST_BLOCKS:
@@ -76,6 +98,7 @@ class SendTime:
                                for block in blocks])
         offset = mean[1] - slope * mean[0]
         if np.abs(lowest[:, 1] - slope * lowest[:, 0] - offset).max() > OFF_LINE_NS:
+            # Start again with the last block.
             last = self._blocks[-1]
             self.restart()
             self._blocks.append(last)
@@ -90,10 +113,13 @@ class FrameClock:
     """
     Feed a decoder with received bytes and return images with stamps.
 
-    A frame is as old as its first byte: if its bytes took longer than usual, its stamp is earlier
-    by the difference, and if they took `STALL_PERIODS` and `STALL_NS`, the frame is rejected. If
-    several frames are read at once, they are assumed to have arrived one period apart. A
-    `nominal_rate` [Hz] of 0 means unknown.
+    If the bytes of a frame took longer than usual, its stamp is earlier by the difference, because
+    a frame is as old as its first byte. If they took `STALL_PERIODS` and `STALL_NS`, the frame is
+    rejected. If several frames are read at once, they are assumed to have arrived one period
+    apart. If the reader had not caught up with the port for as long as a stall, the bytes may have
+    waited while newer ones were lost: with a known nominal rate, such frames get the earliest
+    possible stamp. The rate of images is limited to `RATE_MARGIN` times the nominal rate [Hz],
+    or to `MAX_RATE` if that is 0, averaged over `BURST`.
     """
 
     def __init__(self, decoder: Decoder, nominal_rate: float = 0.0):
@@ -101,12 +127,16 @@ class FrameClock:
             raise ConfigurationError(
                 f'rate is {nominal_rate} Hz, must be from 0 to {MAX_RATE:g} Hz')
         self.decoder = decoder
-        self.stalled = 0  # frames that were rejected because their bytes took too long
+        self._limit = RATE_MARGIN * nominal_rate or MAX_RATE  # Hz
+        # Frames that were rejected because their bytes took too long, or the rate was too high.
+        self.stalled = self.thinned = 0
         self.jitter_ns = 0.0  # mean delay of frames between stamp and reading
         self._nominal_ns = NS / nominal_rate if nominal_rate else 0.0
         self._period_ns = self._nominal_ns
         self._usual_ns = 0.0  # usual time from the first to the last byte of a frame
-        self._received = 0  # bytes
+        self._credit = BURST * self._limit
+        self._received = self._backlog = 0  # bytes; frames since the reader caught up
+        self._caught_up_ns: int | None = None
         self._send_time = SendTime()
         self._newest_ns = self._given_ns = 0  # arrival of the newest frame; last stamp
         self.restart()
@@ -118,28 +148,42 @@ class FrameClock:
         # Reads that may contain bytes of a future frame: position after each read, and its time.
         self._arrivals: deque[tuple[int, int]] = deque()
 
-    def receive(self, data: bytes, now_ns: int) -> list[SensorImage]:
-        """Return the images that are complete with bytes that were read at `now_ns` [ns]."""
+    def receive(self, data: bytes, now_ns: int,
+                caught_up_ns: int | None = None) -> list[SensorImage]:
+        """
+        Return the images that are complete with bytes that were read at `now_ns` [ns].
+
+        The bytes arrived after `caught_up_ns`; None: just before they were read.
+        """
+        if caught_up_ns is None or caught_up_ns != self._caught_up_ns:
+            self._caught_up_ns, self._backlog = caught_up_ns, 0
         self._received += len(data)
         self._arrivals.append((self._received, now_ns))
         self.decoder.receive_data(data)
-        frames = [(event, *self._times(event)) for event in iter(self.decoder.next_event, None)
-                  if isinstance(event, Frame)]
+        frames = []
+        while (event := self.decoder.next_event()) is not None:
+            if isinstance(event, Frame):
+                frames.append((event, *self._times(event)))
         self._forget(self._received - self.decoder.buffered)
         if len(frames) == 1:
             self._learn_period(now_ns)
         if frames:
             self._newest_ns = now_ns
-        images = []
+        given = []
         behind = Counter(last_ns for *_, last_ns in frames)  # remaining frames of each read
+        since_ns = now_ns if caught_up_ns is None else caught_up_ns
+        late = self._nominal_ns and now_ns - since_ns >= self._stall_ns()
         for frame, first_ns, last_ns in frames:
             behind[last_ns] -= 1
-            stamp_ns = self._stamp(
-                frame, first_ns, last_ns - round(behind[last_ns] * self._period_ns))
+            self._backlog += 1
+            arrival_ns = last_ns - round(behind[last_ns] * self._period_ns)
+            if late:
+                arrival_ns = min(arrival_ns, since_ns + round(self._backlog * self._nominal_ns))
+            stamp_ns = self._judge(frame, first_ns, arrival_ns)
             if stamp_ns is not None:
                 self.jitter_ns += 0.02 * (now_ns - stamp_ns - self.jitter_ns)
-                images.append(SensorImage(stamp_ns, frame.sequence, frame.counts))
-        return images
+                given.append(SensorImage(stamp_ns, frame.sequence, frame.counts))
+        return given
 
     def _times(self, frame: Frame) -> tuple[int, int]:
         """Return when the first and the last byte of a frame were read [ns]."""
@@ -156,11 +200,14 @@ class FrameClock:
             gain = 0.1 if self._period_ns else 1.0
             self._period_ns += gain * (since_ns - self._period_ns)
 
-    def _stamp(self, frame: Frame, first_ns: int, last_ns: int) -> int | None:
+    def _stall_ns(self) -> float:
+        period_ns = self._nominal_ns or self._period_ns
+        return max(STALL_PERIODS * period_ns, STALL_NS) if period_ns else NS
+
+    def _judge(self, frame: Frame, first_ns: int, last_ns: int) -> int | None:
         """Return the stamp of a frame [ns] from the times of its bytes; None: rejected."""
         took_ns = max(last_ns - first_ns, 0)
-        period_ns = self._nominal_ns or self._period_ns
-        if took_ns >= (max(STALL_PERIODS * period_ns, STALL_NS) if period_ns else NS):
+        if took_ns >= self._stall_ns():
             self.stalled += 1
             return None
         stamp_ns = last_ns - max(took_ns - round(self._usual_ns), 0)
@@ -168,8 +215,14 @@ class FrameClock:
         if frame.device_ns is not None:
             stamp_ns = self._send_time.of(frame.device_ns, stamp_ns)
         elif self._nominal_ns:
-            stamp_ns = self._send_time.of(round(frame.sequence * self._nominal_ns), stamp_ns)
+            stamp_ns = self._send_time.of(
+                round(frame.sequence * self._nominal_ns), stamp_ns, self._nominal_ns)
         if 0 <= self._given_ns - stamp_ns < JUMP_NS:
             stamp_ns = self._given_ns + 1  # the period was overestimated
-        self._given_ns = stamp_ns
+        elapsed = 1e-9 * max(stamp_ns - self._given_ns, 0)
+        credit = min(self._credit + elapsed * self._limit, BURST * self._limit)
+        if credit < 1.0:
+            self.thinned += 1
+            return None
+        self._credit, self._given_ns = credit - 1.0, stamp_ns
         return stamp_ns

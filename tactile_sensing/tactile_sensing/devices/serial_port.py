@@ -1,7 +1,9 @@
-"""Serial port of a sensor: open it for low latency, read available bytes."""
+"""Serial port of a sensor: find it, open it for low latency, read available bytes."""
 import errno
 import os
+import re
 import termios
+import time
 
 import serial
 from serial.tools import list_ports
@@ -11,6 +13,26 @@ REFUSALS = {
     errno.EAGAIN: 'is in use by another program', errno.EBUSY: 'is in use by another program'}
 READ_TIMEOUT = 0.02  # longest wait for a byte: a reader notices its end after this time [s]
 MAX_READ = 1 << 16  # bytes of one read
+_USB = re.compile(r'usb:([0-9a-f]{4}):([0-9a-f]{4})(?::(.+))?', re.IGNORECASE)
+
+
+def device_path(port: str) -> str:
+    """
+    Return the path of a port, given as a path or as `usb:VENDOR:PRODUCT[:SERIAL NUMBER]`.
+
+    Vendor and product have four hexadecimal digits. Raises an OSError unless exactly one device
+    matches.
+    """
+    usb = _USB.fullmatch(port)
+    if not usb:
+        return port
+    vendor, product, number = int(usb[1], 16), int(usb[2], 16), usb[3]
+    found = [item for item in list_ports.comports() if (item.vid, item.pid) == (vendor, product)
+             and number in (None, item.serial_number)]
+    if len(found) != 1:
+        there = ', '.join(f'{item.device} ({item.serial_number})' for item in found) or 'none'
+        raise OSError(f'{port} must be one device, there are: {there}')
+    return found[0].device
 
 
 def _refusal(error: Exception, path: str) -> str:
@@ -24,17 +46,21 @@ class SensorPort:
     """
     An open serial port, 8N1, for exclusive use.
 
-    `path` is that of a device or of a link to it; `baud` is the line speed [bit/s]. The
-    constructor, `read` and `write` raise an OSError if the port is absent, in use or lost.
+    `port` is the path of a device, a link to it, or the form of `device_path`; `baud` is the line
+    speed [bit/s]. The constructor, `read` and `write` raise an OSError if the port is absent, in
+    use or lost. `caught_up_at` is the last `time.monotonic()` [s] at which fewer than
+    `frame_size` bytes were waiting: bytes that are read now arrived later.
     """
 
-    def __init__(self, path: str, baud: int):
-        self._path, self._device = path, os.path.realpath(path)
+    def __init__(self, port: str, baud: int, frame_size: int = 1):
+        self._path, self._frame_size = device_path(port), frame_size
+        self.caught_up_at = time.monotonic()
+        self._device = os.path.realpath(self._path)
         try:
             self._serial = serial.Serial(
-                path, baud, timeout=READ_TIMEOUT, write_timeout=1.0, exclusive=True)
+                self._path, baud, timeout=READ_TIMEOUT, write_timeout=1.0, exclusive=True)
         except (OSError, termios.error, ValueError) as error:  # ValueError: impossible baud
-            raise OSError(f'{path} {_refusal(error, path)}') from error
+            raise OSError(f'{self._path} {_refusal(error, self._path)}') from error
         try:
             # Otherwise USB adapters delay bytes by up to 16 ms.
             self._serial.set_low_latency_mode(True)
@@ -43,7 +69,10 @@ class SensorPort:
 
     def read(self) -> bytes:
         """Return arrived bytes, at most `MAX_READ`; wait `READ_TIMEOUT` [s] for the first."""
-        data = self._serial.read(min(self._serial.in_waiting, MAX_READ) or 1)
+        waiting = self._serial.in_waiting
+        if waiting < self._frame_size:
+            self.caught_up_at = time.monotonic()
+        data = self._serial.read(min(waiting, MAX_READ) or 1)
         if not data and os.path.realpath(self._path) != self._device:
             raise OSError(f'{self._path} is another device now')
         return data

@@ -14,8 +14,8 @@ from tactile_sensing.devices.registry import options_of, protocol_named
 from tactile_sensing.devices.serial_port import SensorPort
 
 USUAL_RATE = 100.0  # image rate that a device is asked for if none is known [Hz]
-LAG = 0.1  # frames that waited for this long are discarded: newer ones may be lost [s]
-RETRY = 0.1  # time between attempts to open the port [s]
+LAG_NS = 100_000_000  # frames older by this than the newest of a read are discarded [ns]
+BACK_OFF = 0.02, 0.5  # first and largest time between attempts to open the port [s]
 ASK_AGAIN = 2.0  # repeat the start command after this time without a frame: device restarted? [s]
 SILENCE = 1.0  # time without a byte or a frame after which this is reported [s]
 PATIENCE = 5.0  # longest wait for the first image [s]
@@ -29,11 +29,10 @@ class SensorStream:
     """
     Open the port of a sensor, start the sensor and read it; reopen the port whenever it is lost.
 
-    Iterate over its images until it is closed, or call `read`; it is also a context manager. A
-    reader that comes late gets the next image; those that waited are skipped. For the arguments
-    see `open_sensor`. A baud of 0 and a kind of None mean those of the protocol. A rate of 0 means
-    unknown; the device is then asked for `USUAL_RATE`. `now_ns` is the clock of the stamps.
-    `tell(text, gone)` is called whenever the port is opened or lost.
+    Iterate over its images until it is closed, or call `read`; it is also a context manager. For
+    the arguments see `open_sensor`. A baud of 0 and a kind of None mean those of the protocol. A
+    rate of 0 means unknown; the device is then asked for `USUAL_RATE`. `now_ns` is the clock of
+    the stamps. `tell(text, gone)` is called whenever the port is opened or lost.
     """
 
     def __init__(self, port: str, protocol: str, shape: tuple[int, int], *,
@@ -46,14 +45,13 @@ class SensorStream:
         self.decoder = row.decoder(*shape, kind, **options or {})
         self._start = self.decoder.start(rate or USUAL_RATE)
         self.frames = FrameClock(self.decoder, rate)
-        self.port, self._baud = port, baud or row.baud_rate
-        self._now_ns, self._tell = now_ns, tell
+        self.port, self._frame_size = port, shape[0] * shape[1] * kind.itemsize
+        self._baud, self._now_ns, self._tell = baud or row.baud_rate, now_ns, tell
         self.fault = f'{port} is not open yet'  # empty if it is open
         self.connections = 0  # how often the port was opened
-        self.skipped = 0  # frames that were discarded because they had waited
+        self.skipped = 0  # frames that were discarded because newer ones had arrived
         self.last_byte_at = self.last_frame_at = self._asked_at = time.monotonic()
-        self._read_at = self.last_byte_at
-        self._news = False  # whether the fault was not told yet
+        self._back_off, self._news = BACK_OFF[0], False
         self._line: SensorPort | None = None
         self._last = b''
         self._images: list[SensorImage] = []  # not yet returned by iteration, the oldest last
@@ -70,9 +68,6 @@ class SensorStream:
 
     def __next__(self) -> SensorImage:
         begin = time.monotonic()
-        if begin - self._read_at > LAG:
-            self.skipped += len(self._images)
-            self._images = []
         while not self._images:
             if self.closed.is_set():
                 raise StopIteration
@@ -81,18 +76,23 @@ class SensorStream:
                 raise SensorSilentError(self.trouble() or 'no image')
         return self._images.pop()
 
+    def forget(self) -> None:
+        """Discard waiting images, so that the next image is a new one."""
+        self._images = []
+        for _ in range(2):
+            self.read()
+
     def connect(self) -> None:
         """Open the port and start the sensor; raise an OSError if that fails."""
-        self._line = SensorPort(self.port, self._baud)
+        self._line = SensorPort(self.port, self._baud, self._frame_size)
         try:
             self._line.write(self._start)
         except OSError:
             self._release()
             raise
         self.frames.restart()
-        self.fault = ''
+        self.fault, self._back_off = '', BACK_OFF[0]
         self.last_byte_at = self.last_frame_at = self._asked_at = time.monotonic()
-        self._read_at = self.last_byte_at
         self.connections += 1
         self._tell(f'reading {self.port}', False)
 
@@ -101,9 +101,8 @@ class SensorStream:
         if self._line is None:
             self._wait()
             return []
-        late = time.monotonic() - self._read_at > LAG
         try:
-            data = self._line.read()
+            data, caught_up_at = self._line.read(), self._line.caught_up_at
             now, now_ns = time.monotonic(), self._now_ns()
             if now - max(self.last_frame_at, self._asked_at) > ASK_AGAIN:
                 self._asked_at = now
@@ -112,17 +111,17 @@ class SensorStream:
             self._release()
             self.fault, self._news = f'{self.port} is lost: {error}', True
             return []
-        self._read_at = now
         if not data:
             return []
         self.last_byte_at, self._last = now, (self._last + data)[-24:]
-        images = self.frames.receive(data, now_ns)
-        if images:
-            self.last_frame_at = now
-        if late:
-            self.skipped += len(images)
+        frames = self.frames.receive(data, now_ns, now_ns - round(1e9 * (now - caught_up_at)))
+        if not frames:
             return []
-        return images
+        self.last_frame_at = now
+        # A slow reader gets only the latest images.
+        recent = [item for item in frames if frames[-1].stamp_ns - item.stamp_ns < LAG_NS]
+        self.skipped += len(frames) - len(recent)
+        return recent
 
     def trouble(self) -> str:
         """Return why no frames arrive; empty if they do."""
@@ -141,12 +140,13 @@ class SensorStream:
 
     def counters(self) -> dict[str, Any]:
         """Return the values for diagnostics: counters since the start, and the present state."""
+        frames = self.frames
         found = {name: getattr(self.decoder, name) for name in (
             'frames', 'lost_frames', 'dropped_bytes', 'check_errors', 'locked')}
         return found | {
-            'stalled_frames': self.frames.stalled, 'skipped_frames': self.skipped,
-            'connections': self.connections,
-            'jitter_ms': f'{1e-6 * self.frames.jitter_ns:.2f}'}
+            'stalled_frames': frames.stalled, 'thinned_frames': frames.thinned,
+            'skipped_frames': self.skipped, 'connections': self.connections,
+            'jitter_ms': f'{1e-6 * frames.jitter_ns:.2f}'}
 
     def close(self) -> None:
         """Stop the sensor and close the port; iteration then ends."""
@@ -166,11 +166,12 @@ class SensorStream:
 
     def _wait(self) -> None:
         """Wait for the time of the next attempt, then try to open the port."""
-        if self.closed.wait(RETRY):
+        if self.closed.wait(self._back_off):
             return
         if self._news:  # only now: no warning if the program ends together with the sensor
             self._news = False
             self._tell(self.fault, True)
+        self._back_off = min(2.0 * self._back_off, BACK_OFF[1])
         try:
             self.connect()
         except OSError as error:
@@ -187,11 +188,11 @@ def open_sensor(port: str, protocol: str = 'csv_lines', rows: int = 16, columns:
     Parameters
     ----------
     port : str
-        Path of the serial port.
+        Path of the serial port, or `usb:VENDOR:PRODUCT[:SERIAL NUMBER]`.
     protocol : str
     rows, columns : int
     rate : float
-        Approximate image rate [Hz].
+        Approximate image rate [Hz]; at most six times this rate is returned.
     options
         `baud` [bit/s]; `kind`, the type of the counts; and the options of the protocol.
 
