@@ -42,8 +42,8 @@ def _told(default: Any, doc: str) -> Any:
 class DriverConfig:
     """Parameters of the driver node."""
 
-    port: str = _told('', 'Serial port of the sensor, for instance /dev/ttyUSB0; must be given '
-                      'unless `topic` is')
+    port: str = _told('', 'Serial port of the sensor, for instance /dev/ttyUSB0, or '
+                      'usb:VENDOR:PRODUCT[:SERIAL NUMBER]; must be given unless `topic` is')
     topic: str = _told('', 'Topic of raw images that another driver publishes, in place of a port')
     protocol: str = one_of(
         'flexitac', f'Byte protocol of the sensor: {", ".join(PROTOCOLS)}', PROTOCOLS)
@@ -249,6 +249,8 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         pad.impossible = False
         yield warn, f'not tared: {pad.refusal}' if pad.tare is None else ''
         for name, reason in (
+                ('thinned_frames', 'images come too fast: more than 6 times the nominal_rate of '
+                 'the calibration'),
                 ('stalled_frames', 'images were dropped whose bytes stalled in the middle'),
                 ('skipped_frames', 'images were dropped as they had waited: this machine is too '
                  'slow'),
