@@ -8,11 +8,22 @@ SLOWEST = 1e-4  # m/s
 # Time without an image or joint state, or without seeing what is tracked, after which the servo
 # holds [s]: ten images at 200 Hz; the fastest pad moves 10 mm meanwhile.
 STALE_AFTER = 0.05
+IMAGES, LONGEST_PATIENCE = 2.5, 0.25  # see `image_patience`: images, s
 # Largest age of a stamp [s]: STALE_AFTER, and as much again for latency and different clocks.
 MAX_STAMP_AGE = 0.1
 # Depth by which the force loop may press beyond the pose where it last met half of the force [m]:
 # a force of 10 N on the softest pad in use, 5000 N/m, needs 2 mm.
 PRESS_DEPTH = 0.003
+
+
+def image_patience(rate: float) -> float:
+    """
+    Return the time without an image after which the servo holds [s].
+
+    It is STALE_AFTER, or that of some images of a slow sensor, of 10 Hz at least. A rate of 0 [Hz]
+    is unknown.
+    """
+    return max(STALE_AFTER, min(IMAGES / rate, LONGEST_PATIENCE)) if rate > 0.0 else STALE_AFTER
 
 
 @dataclass(frozen=True)

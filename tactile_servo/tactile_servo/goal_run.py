@@ -6,7 +6,7 @@ from collections.abc import Callable, Set
 import numpy as np
 
 from tactile_servo.clocks import CycleClock
-from tactile_servo.config import PRESS_DEPTH, ServoConfig, STALE_AFTER
+from tactile_servo.config import PRESS_DEPTH, ServoConfig
 from tactile_servo.control.press_check import doubted, most_unfelt
 from tactile_servo.following import apart, Following
 from tactile_servo.inputs import Inputs
@@ -262,7 +262,7 @@ class GoalRun:
 
     def _touches_nothing_to_track(self) -> Reason | None:
         lacking, since = self._law.lacks(self._now), self._since
-        looked = self.observed > since or self._now - since > STALE_AFTER
+        looked = self.observed > since or self._now - since > self._inputs.patience
         if lacking is None or self._inputs.largest_load < self.goal.force or not looked:
             return None
         return Reason(ReasonCode.NO_EDGE, lacking.text)

@@ -10,7 +10,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.contact import Reason as ContactReason
 from tactile_sensing.types.image import SensorInfo, TactileImage
-from tactile_servo.config import MAX_STAMP_AGE, STALE_AFTER
+from tactile_servo.config import image_patience, MAX_STAMP_AGE, STALE_AFTER
 from tactile_servo.control.scaling import ramp
 from tactile_servo.motion.joint_history import JointHistory
 from tactile_servo.motion.limits import JointLimits
@@ -126,13 +126,19 @@ class Inputs:
 
     def refresh(self, now: float, now_ns: int) -> None:
         """Update the freshness of all inputs, and compare pad and wrist."""
-        self._image_fresh = now - self._image_arrival <= STALE_AFTER
+        self._image_fresh = now - self._image_arrival <= self.patience
         if not self._image_fresh:
             self._summed = 0.0
-        self.contact_fresh = self.sensor is not None and _fresh(self.contact, now, now_ns)
+        self.contact_fresh = self.sensor is not None and _fresh(
+            self.contact, now, now_ns, self.patience)
         self.joints_fresh = _fresh(self.joints, now, now_ns)
         self._wrist_missing = self.wrist.missing(now, STALE_AFTER)
         self.wrist.judge(self.load, now)
+
+    @property
+    def patience(self) -> float:
+        """Time without an image after which the servo holds [s]."""
+        return image_patience(self.sensor.nominal_rate if self.sensor else 0.0)
 
     def trust(self, now: float, touch: bool) -> float:
         """
@@ -141,7 +147,7 @@ class Inputs:
         With `touch`, the age of the contact counts too.
         """
         share = _trust(self.joints, now)
-        return min(share, _trust(self.contact, now)) if touch else share
+        return min(share, _trust(self.contact, now, self.patience)) if touch else share
 
     def joints_missing(self) -> Reason | None:
         """Return what is wrong with the joint states, or None."""
@@ -172,14 +178,13 @@ class Inputs:
         return Reason(ReasonCode.NOT_FOLLOWING, self._names[int(np.argmax(off))])
 
 
-def _fresh(sample: Sample | None, now: float, now_ns: int) -> bool:
-    return (sample is not None and now - sample.arrival <= STALE_AFTER
-            and abs(now_ns - sample.stamp_ns) * 1e-9 <= MAX_STAMP_AGE)
+def _fresh(sample: Sample | None, now: float, now_ns: int, stale: float = STALE_AFTER) -> bool:
+    return (sample is not None and now - sample.arrival <= stale
+            and abs(now_ns - sample.stamp_ns) * 1e-9 <= MAX_STAMP_AGE + stale - STALE_AFTER)
 
 
-def _trust(sample: Sample | None, now: float) -> float:
-    return 0.0 if sample is None else ramp(
-        now - sample.arrival, STALE_AFTER, AGEING * STALE_AFTER)
+def _trust(sample: Sample | None, now: float, stale: float = STALE_AFTER) -> float:
+    return 0.0 if sample is None else ramp(now - sample.arrival, stale, AGEING * stale)
 
 
 def _size_of(array: TactelArray) -> str:

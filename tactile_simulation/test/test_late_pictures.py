@@ -18,6 +18,7 @@ from tactile_servo.laws.resolved_rate import ResolvedRate, ResolvedRateConfig
 from tactile_servo.motion.motion import COMMITTED
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
+from tactile_simulation import closed_loop
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_world import EdgeScene
@@ -150,3 +151,12 @@ def test_a_contact_that_is_lost_is_no_end_of_the_edge():
     assert law.assess(now, 0.1, 4.9).state == State.TRACK
     lost = law.assess(now + 0.1, 0.1, 0.0)
     assert (lost.state, lost.reason.code) == (State.HOLD, ReasonCode.CONTACT_LOST)
+
+
+@pytest.mark.parametrize('law', ['trace', 'resolved_rate'])
+def test_a_slow_sensor_is_given_the_time_of_its_images(law, monkeypatch):
+    monkeypatch.setattr(closed_loop, 'PICTURE_EVERY', 26)  # 15 Hz
+    loop = Simulation(load_scene(ROOT / 'launch/scenes/straight.yaml'), law)
+    loop.servo.see_sensor(replace(loop.servo.inputs.sensor, nominal_rate=15.0))
+    loop.run(EdgeGoal(0.01, 5.0, length=0.02), 30.0)
+    assert loop.servo.success, loop.servo.reason

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from tactile_sensing.types.image import SensorInfo
-from tactile_servo.config import PRESS_DEPTH, ServoConfig, STALE_AFTER
+from tactile_servo.config import image_patience, PRESS_DEPTH, ServoConfig, STALE_AFTER
 from tactile_servo.control.lap_guard import LapGuard
 from tactile_servo.control.press_test import PRESSED
 from tactile_servo.edge_map.path_queries import to_sensor
@@ -31,8 +31,8 @@ from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
 ADVANCE = 0.5  # grains, advance that counts as progress
-# Times `STALE_AFTER`, time without a usable image; longer than the supervisor's own timeout, which
-# handles missing images
+# Times `image_patience`, time without a usable image; longer than the supervisor's own timeout,
+# which handles missing images
 STALE = 1.5
 
 
@@ -66,6 +66,7 @@ class EdgeFollowing:
 
     def __init__(self, servo: ServoConfig, config: EdgeFollowingConfig | None = None):
         self.servo, self.config = servo, config or EdgeFollowingConfig()
+        self._stale = STALE_AFTER
         self._forget(EdgeGoal(0.0, 0.0))
 
     def _forget(self, goal: EdgeGoal) -> None:
@@ -114,6 +115,7 @@ class EdgeFollowing:
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
         """Forget the last goal and start a new one."""
+        self._stale = image_patience(sensor.nominal_rate)
         self._forget(goal)
 
     def resume(self) -> None:
@@ -136,7 +138,7 @@ class EdgeFollowing:
 
     def lacks(self, now: float) -> Reason | None:
         """Return what prevents the law from tracking, or None."""
-        if now - self.sight.shown < STALE_AFTER:
+        if now - self.sight.shown < self._stale:
             return None
         return self.sight.problem or Reason(ReasonCode.EDGE_LOST)
 
@@ -150,7 +152,7 @@ class EdgeFollowing:
         path, scale = edge.path, edge.scale
         if self._stalled(now, progress):
             return Assessment(State.DONE, Reason(ReasonCode.NO_PROGRESS), lift=True)
-        if now - self.sight.looked > STALE * STALE_AFTER:
+        if now - self.sight.looked > STALE * self._stale:
             return Assessment(State.HOLD, Reason(ReasonCode.STALE_IMAGE))
         if edge.closed and path.closing is not None and going.here >= path.closing:
             return Assessment(State.DONE, Reason(ReasonCode.CONTOUR_CLOSED), True)

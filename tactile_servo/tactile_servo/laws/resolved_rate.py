@@ -10,7 +10,7 @@ from tactile_common.config import bounded
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType
 from tactile_sensing.types.image import SensorInfo
-from tactile_servo.config import MAX_STAMP_AGE, ServoConfig, STALE_AFTER
+from tactile_servo.config import image_patience, MAX_STAMP_AGE, ServoConfig, STALE_AFTER
 from tactile_servo.control.lap_guard import LapGuard
 from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.scaling import clipped, ramp, slewed
@@ -139,7 +139,7 @@ class ResolvedRate:
 
     def __init__(self, servo: ServoConfig, config: ResolvedRateConfig | None = None):
         self.servo, self.config = servo, config or ResolvedRateConfig()
-        self.features, self._begun = UNKNOWN, False
+        self.features, self._begun, self._stale = UNKNOWN, False, STALE_AFTER
         self.error: TaskError | None = None
         self._age, self.shortest, self._looked = MAX_STAMP_AGE, math.inf, -math.inf
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
@@ -160,6 +160,7 @@ class ResolvedRate:
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
         """Forget the last goal and start a new one."""
         self.goal, self._array = goal, sensor.array
+        self._stale = image_patience(sensor.nominal_rate)
         self.features, self._problem, self._begun = UNKNOWN, '', True
         self.error = None
         self._looked = self._shown = -math.inf
@@ -178,7 +179,7 @@ class ResolvedRate:
             return
         arrival = observation.arrival
         # A contact is used until the next one: add half of this interval to its age, on average.
-        age = observation.age + 0.5 * clipped(arrival - self._looked, 0.0, STALE_AFTER)
+        age = observation.age + 0.5 * clipped(arrival - self._looked, 0.0, self._stale)
         self._age += AGE_SHARE * (min(age, MAX_STAMP_AGE) - self._age)
         # Add the committed time and half a control period, in which the velocity changes.
         delay = self._age + COMMITTED + 0.5 / self.servo.rate + DEAD_TIME
@@ -230,7 +231,7 @@ class ResolvedRate:
 
     def lacks(self, now: float) -> Reason | None:
         """Return what prevents the law from tracking, or None."""
-        if now - self._shown < STALE_AFTER:
+        if now - self._shown < self._stale:
             return None
         return Reason(ReasonCode.EDGE_LOST, self._problem)
 

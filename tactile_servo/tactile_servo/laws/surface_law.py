@@ -8,7 +8,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.dome.geometry import Dome
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import SensorInfo, TactileImage
-from tactile_servo.config import MAX_STAMP_AGE, ServoConfig, STALE_AFTER
+from tactile_servo.config import image_patience, MAX_STAMP_AGE, ServoConfig, STALE_AFTER
 from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.stability import AGE_SHARE
 from tactile_servo.control.surface_filter import SurfaceFilter
@@ -57,6 +57,7 @@ class SurfaceLaw:
 
     def __init__(self, servo: ServoConfig, config: SurfaceConfig | None = None):
         self.servo, self.config = servo, config or self.config_type()
+        self._stale = STALE_AFTER
         probe = self.config.probe
         self._dome = Dome(probe.skin_radius, probe.array_radius,
                           2.0 * probe.array_radius - probe.skin_radius)
@@ -97,6 +98,7 @@ class SurfaceLaw:
     def begin(self, goal: SurfaceGoal, sensor: SensorInfo) -> None:
         """Forget the last goal and start a new one."""
         self.goal, self.error = goal, None
+        self._stale = image_patience(sensor.nominal_rate)
         self._sense = ContactSense(sensor.array, self._dome, self.config, goal.force, self._table)
         self._going = Going(wanted_contacts(
             self._sense, self._lessons.named(goal.features, goal.force)))
@@ -153,7 +155,7 @@ class SurfaceLaw:
 
     def lacks(self, now: float) -> Reason | None:
         """Return what prevents the law from tracking, or None."""
-        if now - self._going.shown < STALE_AFTER:
+        if now - self._going.shown < self._stale:
             return None
         return self._going.problem or Reason(ReasonCode.CONTACT_LOST)
 
