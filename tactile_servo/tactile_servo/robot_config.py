@@ -11,8 +11,8 @@ from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
 
-# Distance kept from the URDF's joint limits [rad or m]; a joint that brakes as it was told to
-# never uses it, and a controller's own check of the limits then never trips.
+# Distance kept from the URDF's joint limits [rad or m]: a joint that brakes late stays within the
+# limits, which some controllers check themselves.
 POSITION_MARGIN = 0.05
 
 

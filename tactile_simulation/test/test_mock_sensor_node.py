@@ -1,4 +1,5 @@
 """The mock sensor through its pseudo-terminal, without any other node of the stack."""
+from functools import partial
 import os
 from pathlib import Path
 import select
@@ -34,6 +35,23 @@ start: {s: 0.1, offset: 0.003, height: -0.001, yaw: 0}
 """
 
 
+class FramesNode(MockSensorNode):
+    """A mock sensor that sends given frames once, in place of a scene's."""
+
+    def __init__(self, frames, **kwargs):
+        self._left, self.finished = iter(frames), threading.Event()
+        super().__init__(**kwargs)
+
+    def _open_scene(self, config):
+        pass
+
+    def _frame(self, instant):
+        frame = next(self._left, None)
+        if frame is None:
+            self.finished.set()
+        return frame
+
+
 @pytest.fixture
 def context():
     context = rclpy.Context()
@@ -49,7 +67,8 @@ def mock(context, tmp_path):
 
     def start(frames=None, **parameters):
         parameters = {'port': str(tmp_path / 'sensor'), **parameters}
-        node = MockSensorNode(frames, context=context, parameter_overrides=[
+        kind = MockSensorNode if frames is None else partial(FramesNode, frames)
+        node = kind(context=context, parameter_overrides=[
             Parameter(name, value=value) for name, value in parameters.items()])
         nodes.append(node)
         return node

@@ -102,12 +102,12 @@ def summarise(run: RunData, scene: Scene | None = None, real: Truth | None = Non
     target = percentile(statuses.force_target[tracking])
     action = 'track_surface' if len(run.touches.stamp_ns) else 'track_edge'
     felt, shape = SHAPES[scene.action if scene else action](run)
-    told = of_servo(run, scene.name if scene else '')
-    told['too_busy'] = bool(busy(told))
+    common = of_servo(run, scene.name if scene else '')
+    common['too_busy'] = bool(busy(common))
     if scene is None:
-        return {'ok': met, **told, 'force_target': target, **shape}
+        return {'ok': met, **common, 'force_target': target, **shape}
     world, real = scene.world(), real or truth(run, scene)
-    return judged({**told, **measure(real, target, run.joint_acceleration),
+    return judged({**common, **measure(real, target, run.joint_acceleration),
                    **world.numbers(real, felt, target), **shape}, met, world)
 
 

@@ -46,9 +46,9 @@ What the numbers mean:
   --pitch          floats of any unit, linear in the pressure: place and direction, no force
 Integers are counts: without a calibration they are refused unless --scale is given.
 
-A BAG is a rosbag2 recording (folder, .mcap or .db3) of the topic image; its pictures say what the
-sensor is, and what is told of them is what the node contact_estimator tells with the parameters
-that are options here. With --calibration they must be raw counts that the driver passed through.
+A BAG is a rosbag2 recording (folder, .mcap or .db3) of the topic image; its images describe the
+sensor. They are estimated as by the node contact_estimator with the same parameters. With
+--calibration they must be raw counts that the driver passed through.
 """
 EPILOG = """\
 Output arrays, SI units; NaN where a type does not have a value, in every real number of a frame
@@ -72,9 +72,9 @@ Exit status: 0, or 2 after one line that says what is wrong; then nothing is wri
 def _epilog() -> str:
     arrays = []
     for name, column in COLUMNS.items():
-        kind, told = RECORD[name], column.metadata
+        kind, about = RECORD[name], column.metadata
         shape = f'({", ".join(("N", *map(str, kind.shape)))})'.replace('(N)', '(N,)')
-        arrays.append(f'  {name:16} {shape:9} {kind.base.name:8} {told["unit"]:4} {told["doc"]}')
+        arrays.append(f'  {name:16} {shape:9} {kind.base.name:8} {about["unit"]:4} {about["doc"]}')
     types, flags = (fill(', '.join(f'{it.name}={int(it)}' for it in kind), 90,
                          subsequent_indent='  ') for kind in (ContactType, Reason))
     return EPILOG.format(arrays='\n'.join(arrays), types=types, flags=flags)

@@ -69,9 +69,9 @@ class Images:
 
     def records(self, estimator: ContactEstimator) -> Iterator[np.ndarray]:
         """Yield the estimates of all images in order, as chunks of records."""
-        told = (_record(image.stamp_ns, estimator.estimate(self._completed(image)))
-                for image in self._images)
-        while some := list(islice(told, CHUNK)):
+        found = (_record(image.stamp_ns, estimator.estimate(self._completed(image)))
+                 for image in self._images)
+        while some := list(islice(found, CHUNK)):
             yield np.array(some, STAMPED)
 
     def _completed(self, image: TactileImage) -> TactileImage:

@@ -174,11 +174,11 @@ class Calibration:
         if len(frames) < MIN_TARE_FRAMES:
             raise TareRefusedError(f'{len(frames)} frames, at least {MIN_TARE_FRAMES} are needed')
         frames, counts, live = self.arrange(frames), self.counts, self.live
-        told = np.isfinite(frames).all(axis=0) | ~live
-        if not told.all():
-            row, column = np.argwhere(~told)[0]
+        sends = np.isfinite(frames).all(axis=0) | ~live
+        if not sends.all():
+            row, column = np.argwhere(~sends)[0]
             raise TareRefusedError(
-                f'{np.count_nonzero(~told)} tactels send no number, the first one is row {row} '
+                f'{np.count_nonzero(~sends)} tactels send no number, the first one is row {row} '
                 f'column {column}: see dead_tactels')
         offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
         about, tolerance = self.baseline, self.tare_tolerance or TOLERANCE * (

@@ -138,8 +138,8 @@ def load_recording(path: str | PathLike, rate_hz: float | None = None,
             path, (), ('rate_hz', 'pitch_m'))
         if rate_hz is None and 'rate_hz' not in arrays:
             raise ConfigurationError("array 'rate_hz' is missing: --rate HZ says it")
-        told = {name: scalar(name, values) for name, values in arrays.items()}
-        return Recording(frames, rate_hz or told['rate_hz'], told.get('pitch_m'))
+        stored = {name: scalar(name, values) for name, values in arrays.items()}
+        return Recording(frames, rate_hz or stored['rate_hz'], stored.get('pitch_m'))
     except ConfigurationError as error:
         where = '' if str(error).startswith(str(path)) else f'{path}: '
         raise ConfigurationError(f'recording {where}{error}') from error

@@ -1,5 +1,4 @@
 """Simulated tactile sensor node that sends a device's bytes on a pseudo-terminal."""
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 import itertools
 import sys
@@ -34,7 +33,7 @@ _KEPT_POSES = 2000  # enough for one second at any rate of the robot
 
 @dataclass(frozen=True)
 class MockSensorConfig:
-    """Parameters of the mock sensor; `port` is required, and `scene` unless it plays frames."""
+    """Parameters of the mock sensor; `port` and `scene` are required."""
 
     port: str = field(default='', metadata={
         'doc': 'path of the link to the pseudo-terminal, which the driver opens'})
@@ -49,31 +48,23 @@ class MockSensorConfig:
 
 class MockSensorNode(TactileNode):
     """
-    Simulated sensor that renders a scene at the robot's pose, or plays given frames, as bytes.
+    Simulated sensor that renders a scene at the robot's pose and sends it as a device's bytes.
 
     Frames are sent as a device sends them, with the bytes that separate them, and commands are
     answered. The first frame waits for the first listener. Before the first `sensor_pose` the
     sensor touches nothing. A frame that has no pose for its own instant is not sent: an old pose
     in a frame with a new stamp would make a servo press further.
 
-    Parameters
-    ----------
-    frames : ndarray, shape (N, rows, columns), optional
-        Counts to play once in place of a scene.
-
     Attributes
     ----------
-    finished : threading.Event
-        Set when all given frames have been sent.
     sent, dropped, late, blind : int
         Number of frames that were written; lost because the listener did not read; not sent
         because the machine was too slow; not sent because no pose was known at their instant.
-        The last two apply to scenes only. Without a listener, `sent` and `dropped` do not count.
+        Without a listener, `sent` and `dropped` do not count.
     """
 
-    def __init__(self, frames: np.ndarray | None = None, **kwargs: Any):
+    def __init__(self, **kwargs: Any):
         super().__init__('mock_sensor', **kwargs)
-        self.finished = threading.Event()
         self.sent = self.dropped = self.late = self.blind = 0
         self._in_step = False  # True if the listener has the next frame's preamble
         self._stop = threading.Event()
@@ -83,9 +74,8 @@ class MockSensorNode(TactileNode):
             self._device = protocol_named(self._config.protocol).device(
                 **options_of(self._config.protocol, self._config.options))
             self._lock = threading.Lock()  # protects the poses, which a callback writes
-            self._frames, self._period = frames, 1.0 / self._config.rate
-            if frames is None:
-                self._open_scene(self._config)
+            self._period = 1.0 / self._config.rate
+            self._open_scene(self._config)
             self._port = PseudoTerminal(self._config.port)
         except BaseException:
             self.destroy_node()
@@ -125,10 +115,8 @@ class MockSensorNode(TactileNode):
             self.get_logger().warning(
                 f'sensor_pose is ignored: {error}', throttle_duration_sec=5.0)
 
-    def _frame(self, number, instant):
+    def _frame(self, instant):
         """Return the counts of a frame at an instant of the steady clock; None: do not send it."""
-        if self._frames is not None:
-            return self._frames[number]
         behind = time.monotonic() - instant
         stamp_ns = self.get_clock().now().nanoseconds - round(behind * NS)
         with self._lock:
@@ -150,19 +138,16 @@ class MockSensorNode(TactileNode):
             if self._stop.wait(_LISTENER_CHECK):
                 return
         begin = time.monotonic()
-        numbers: Iterable[int] = (
-            itertools.count() if self._frames is None else range(len(self._frames)))
-        for number in numbers:
+        for number in itertools.count():
             instant = begin + number * self._period
             if self._stop.wait(max(instant + ACQUISITION_DELAY - time.monotonic(), 0.0)):
                 return
             answer = self._device.answer(self._port.read())
             if answer:
                 self._port.write(answer)
-            counts = self._frame(number, instant)
+            counts = self._frame(instant)
             if counts is not None:
                 self._send(self._device.encode(counts, round(instant * NS)))
-        self.finished.set()
 
     def _send(self, frame):
         if not self._port.listened or not self._device.running:
