@@ -18,8 +18,8 @@ from edge_tracking.process_group import apart
 from edge_tracking.resources import share
 from edge_tracking.track import TrackNode
 from tactile_common.ros.runner import freeze_heap
-from tactile_servo import goal_run, inputs
-from tactile_servo.laws import edge_following, resolved_rate
+from tactile_servo import config, inputs
+from tactile_servo.laws import resolved_rate
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import TRACKING
 from tactile_simulation.scene import find_scene, load_scene
@@ -50,7 +50,7 @@ PARTS = {
 
 def account(tracker, rate):
     """Run once; return processor times and latencies."""
-    for module in (inputs, edge_following, resolved_rate, goal_run):
+    for module in (config, inputs, resolved_rate):
         module.STALE_AFTER = module.MAX_STAMP_AGE = PATIENCE
     path, meter, journey = find_scene('straight'), Meter(), Journey()
     scene = load_scene(path)
