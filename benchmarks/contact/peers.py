@@ -8,8 +8,8 @@ import numpy as np
 from benchmarks.contact.fe_frames import DEPTH
 from benchmarks.contact.golden_sets import PADS
 from tactile_sensing.thesis import point
-from tactile_sensing.thesis.line_moments import line_from_moments
-from tactile_sensing.thesis.point_moments import closed_form, MomentFlag
+from tactile_sensing.thesis.line import line_from_moments
+from tactile_sensing.thesis.point_moments import closed_form
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer
 from tactile_sensing.types.moments import Moments
@@ -18,8 +18,6 @@ LINE_LEVEL = 0.5  # share of the peak above which other libraries detect the lin
 POINT_ARRAY, LINE_ARRAY = (TactelArray(pad.rows, pad.columns, pad.pitch, pad.pitch)
                            for pad in (PADS['26x26'], PADS['16x16']))
 NODES = np.array([-0.5, 0.5]) / np.sqrt(3.0) * POINT_ARRAY.pitch_x
-REFUSED = (MomentFlag.NO_FORCE | MomentFlag.SINGULAR | MomentFlag.OFF_PAD
-           | MomentFlag.NOT_CONVERGED)
 PACKAGES = {'cv2': 'opencv-python-headless', 'skimage': 'scikit-image'}
 
 
@@ -85,7 +83,7 @@ def opencv_point(cv2, frame):
     found = closed_form(
         [_sensor_moments(cv2.moments(image), POINT_ARRAY)], [Layer('zz', DEPTH, image)],
         ((column - 12.5) * pitch, (row - 12.5) * pitch))
-    if found.flags & REFUSED:
+    if found.reasons:
         return [np.nan] * 5
     return [found.a, found.b, found.normal_force, found.shear_force_x, found.shear_force_y]
 

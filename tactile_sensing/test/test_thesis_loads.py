@@ -10,7 +10,7 @@ from scipy.integrate import dblquad, quad
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.image import image_moments
 from tactile_sensing.thesis import line, point
-from tactile_sensing.thesis.line_moments import line_from_moments
+from tactile_sensing.thesis.line import line_from_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
 

@@ -151,7 +151,7 @@ class ContactEstimator:
                 noisy = [replace(layer, noise_std=noise if noise > 0.0 else noise_of_image(
                     image, True)) for layer, image, noise in zip(
                         layers, frame, noises, strict=True)]
-                model = thesis.write_record(frame, array, noisy, config, MIN_SNR, record)
+                thesis.write_record(frame, array, noisy, config, MIN_SNR, record)
         elif records['valid'][-1:].any():
             model = name_of(int(records['type'][-1]), options, layers)
         records['reasons'] |= int(Reason.UNCALIBRATED * (known.unit != 'Pa')

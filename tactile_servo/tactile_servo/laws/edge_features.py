@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 import math
 
-from tactile_sensing.thesis.line_moments import line_from_moments
+from tactile_sensing.thesis.line import line_from_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType
 from tactile_sensing.types.contact import Reason as ContactReason
