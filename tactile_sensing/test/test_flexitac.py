@@ -32,7 +32,7 @@ STREAM = b''.join(encode_frame(counts) for counts in PICTURES) + MARKER
 
 
 def drain(decoder):
-    events = list(iter(decoder.next_event, None))
+    events = list(iter(decoder.next_frame, None))
     assert decoder.buffered <= decoder.buffer_bound
     return events
 

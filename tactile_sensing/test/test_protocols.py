@@ -8,7 +8,6 @@ import pytest
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices import weiss
 from tactile_sensing.devices.lines import CsvDecoder
-from tactile_sensing.devices.protocol import Frame, Reply
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 
 # Ten million bytes as a stress run: BYTES=10000000 pytest ...
@@ -59,9 +58,7 @@ def frames_of(decoder, data, size=None):
     frames = []
     for at in range(0, max(len(data), 1), size or max(len(data), 1)):
         decoder.receive_data(data[at:at + size] if size else data)
-        while (event := decoder.next_event()) is not None:
-            if isinstance(event, Frame):
-                frames.append(event)
+        frames += iter(decoder.next_frame, None)
         assert decoder.buffered <= decoder.buffer_bound
     return frames
 
@@ -305,10 +302,9 @@ def test_commands_are_answered_and_refusals_explained():
     commands = decoder.start(100.0) + weiss.packet(0x77)
     answer = device.answer(commands[:9]) + device.answer(commands[9:])
     decoder.receive_data(answer)
-    replies = [decoder.next_event() for _ in range(2)]
-    assert all(isinstance(reply, Reply) for reply in replies)
-    assert [reply.command for reply in replies] == [0x21, 0x77]
-    assert [reply.payload[0] for reply in replies] == [0, weiss.NO_COMMAND]
+    assert decoder.next_frame() is None
+    assert [(command, payload[0]) for command, payload in decoder.replies] == [
+        (0x21, 0), (0x77, weiss.NO_COMMAND)]
     assert '0x77 with status 4' in decoder.explain()
     assert device.running
     device.answer(decoder.stop())

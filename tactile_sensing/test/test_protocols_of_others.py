@@ -17,7 +17,7 @@ DriverConfig(port='x', protocol='hex_lines')
 decoder, device = row.decoder(2, 3), row.device()
 counts = np.arange(6, dtype=np.uint8).reshape(2, 3)
 decoder.receive_data(device.preamble + device.encode(counts))
-print(decoder.next_event().counts.tolist())
+print(decoder.next_frame().counts.tolist())
 """
 
 

@@ -126,7 +126,7 @@ class Listener:
 def decoded(data, shape, kind=np.uint8):
     decoder = FlexiTacDecoder(*shape, kind)
     decoder.receive_data(data)
-    events = list(iter(decoder.next_event, None))
+    events = list(iter(decoder.next_frame, None))
     assert decoder.dropped_bytes == 0
     return np.stack([event.counts for event in events])
 

@@ -160,10 +160,7 @@ class FrameClock:
         self._received += len(data)
         self._arrivals.append((self._received, now_ns))
         self.decoder.receive_data(data)
-        frames = []
-        while (event := self.decoder.next_event()) is not None:
-            if isinstance(event, Frame):
-                frames.append((event, *self._times(event)))
+        frames = [(frame, *self._times(frame)) for frame in iter(self.decoder.next_frame, None)]
         self._forget(self._received - self.decoder.buffered)
         if len(frames) == 1:
             self._learn_period(now_ns)

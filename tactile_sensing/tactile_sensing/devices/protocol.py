@@ -1,4 +1,4 @@
-"""Byte protocols of sensors: convert bytes to frames and events, without input or output."""
+"""Byte protocols of sensors: convert bytes to frames and back, without input or output."""
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -23,21 +23,12 @@ class Frame:
     device_ns: int | None = None  # time of the device's own clock, unwrapped [ns]
 
 
-@dataclass(frozen=True)
-class Reply:
-    """Answer of the device to a command."""
-
-    command: int
-    payload: bytes
-
-
 class Piece(NamedTuple):
     """Result of parsing the head of a decoder's buffer."""
 
     size: int  # [bytes]
-    counts: np.ndarray | None = None  # of a frame, shape (rows, columns)
+    counts: np.ndarray | None = None  # shape (rows, columns); None: it is no frame
     ticks: int | None = None  # of the device's clock, see `Decoder.tick_ns`
-    reply: Reply | None = None
     good: bool = True  # False: bytes to discard
     failed: bool = False  # a checksum was wrong
 
@@ -46,7 +37,7 @@ class Decoder:
     """
     Convert received bytes to frames; base class of the decoders, which implement `_scan`.
 
-    `receive_data` only buffers, `next_event` parses. Call `next_event` until it returns None;
+    `receive_data` only buffers, `next_frame` parses. Call `next_frame` until it returns None;
     then the buffer holds at most `buffer_bound` bytes, whatever was received. Raises a
     ConfigurationError if a size is not a positive integer or `kind` is not an integer type.
 
@@ -79,7 +70,7 @@ class Decoder:
         return len(self._buffer)
 
     def receive_data(self, data: bytes) -> None:
-        """Append received bytes to the buffer; `next_event` parses them."""
+        """Append received bytes to the buffer; `next_frame` parses them."""
         self._buffer += data
 
     def reset(self) -> None:
@@ -87,19 +78,17 @@ class Decoder:
         self._drop(len(self._buffer))
         self._begin()
 
-    def next_event(self) -> Frame | Reply | None:
-        """Return the next event; None: more bytes are needed."""
+    def next_frame(self) -> Frame | None:
+        """Return the next frame; None: more bytes are needed."""
         while (piece := self._scan()) is not None:
-            if not piece.good:
+            if piece.good:
+                self._take(piece.size)
+                if piece.counts is not None:
+                    return self._frame(piece.counts, piece)
+            else:
                 self.locked = False
                 self.check_errors += piece.failed
                 self._drop(piece.size)
-                continue
-            self._take(piece.size)
-            if piece.counts is not None:
-                return self._frame(piece.counts, piece)
-            if piece.reply is not None:
-                return piece.reply
         return None
 
     def explain(self) -> str:

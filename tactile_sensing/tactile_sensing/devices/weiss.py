@@ -7,6 +7,7 @@ Frames have id 00: time [ms] (u32), flags (bit 0: run-length coded), cells (u16;
 coded, the count in the upper four bits and the value in the lower twelve). All numbers are
 little-endian.
 """
+from collections import deque
 from functools import partial
 import struct
 from typing import Any
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.devices.protocol import Device, PacketDecoder, Piece, Reply
+from tactile_sensing.devices.protocol import Device, PacketDecoder, Piece
 
 PREAMBLE = b'\xaa\xaa\xaa'
 FRAME, DSA_CONFIGURE = 0x00, 0x03
@@ -23,6 +24,7 @@ START, STOP = 0x21, 0x22
 HEAD = len(PREAMBLE) + 3
 RUN_LENGTH, ACQUIRE = 0x01, 0x80  # flags
 LARGEST_REPLY = 256  # largest payload of a reply [bytes]
+MOST_REPLIES = 16  # the latest ones are kept
 HIGHEST = 4095  # of a run-length coded count
 NO_COMMAND = 4  # status of an unknown command; 0 is success
 
@@ -57,8 +59,8 @@ class WeissDecoder(PacketDecoder):
     Decoder of `weiss_wts` and `weiss_dsa`.
 
     A frame may contain several matrices: `cells` is the number of all their cells (0: that of the
-    image), and the image begins at cell `first`. `rle` asks for run-length coding. Answers of the
-    device to commands are returned as `Reply`.
+    image), and the image begins at cell `first`. `rle` asks for run-length coding. `replies`
+    holds the latest answers of the device to commands: command and payload.
     """
 
     PREAMBLE, HEAD = PREAMBLE, HEAD
@@ -72,6 +74,7 @@ class WeissDecoder(PacketDecoder):
         if not 0 <= first <= self._cells - size:
             raise ConfigurationError(
                 f'first is {first}, must be from 0 to {self._cells - size} of {self._cells} cells')
+        self.replies: deque[tuple[int, bytes]] = deque(maxlen=MOST_REPLIES)
         self._most = max(5 + 2 * self._cells, LARGEST_REPLY)  # of a payload [bytes]
         self.buffer_bound = HEAD + self._most + 2
 
@@ -111,7 +114,8 @@ class WeissDecoder(PacketDecoder):
             if len(payload) >= 2 and any(payload[:2]):
                 self._mismatch = (f'the sensor refuses command {command:#04x} with status '
                                   f'{int.from_bytes(payload[:2], "little")}')
-            return Piece(len(packet), reply=Reply(command, payload))
+            self.replies.append((command, payload))
+            return Piece(len(packet))
         ticks, flags = struct.unpack_from('<IB', payload)
         values = np.frombuffer(payload[5:5 + (size - 5) // 2 * 2], '<u2')
         if flags & RUN_LENGTH:
@@ -139,17 +143,19 @@ class WeissDevice(Device):
 
     def answer(self, commands: bytes) -> bytes:
         """Return the status of every received command."""
-        self._commands.receive_data(commands)
-        answer = b''
-        while isinstance(event := self._commands.next_event(), Reply):
+        decoder, answer = self._commands, b''  # commands have the form of replies
+        decoder.receive_data(commands)
+        decoder.next_frame()
+        while decoder.replies:
+            command, payload = decoder.replies.popleft()
             status = 0
-            if event.command in (DSA_CONFIGURE, START) and event.payload:
-                self.running = not self._dsa or bool(event.payload[0] & ACQUIRE)
-            elif event.command == STOP:
+            if command in (DSA_CONFIGURE, START) and payload:
+                self.running = not self._dsa or bool(payload[0] & ACQUIRE)
+            elif command == STOP:
                 self.running = False
             else:
                 status = NO_COMMAND
-            answer += packet(event.command, struct.pack('<H', status), self._dsa)
+            answer += packet(command, struct.pack('<H', status), self._dsa)
         return answer
 
 
