@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from edge_tracking import demo
-from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.calibration_file import save_calibration
+from tactile_sensing.devices.calibration import Calibration, save_calibration
 from tactile_sensing.types.array import TactelArray
 
 ARRAY = TactelArray(10, 12, 0.002, 0.002)

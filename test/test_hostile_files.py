@@ -19,7 +19,7 @@ import json, resource, sys
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import ArrayReader
 from tactile_common.ros.bag_reader import Bag
-from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_sensing.devices.calibration import load_calibration
 from tactile_sensing.devices.recording import load_recording
 from tactile_shape.contact_recording import load_contacts
 from tactile_simulation.scene import load_scene

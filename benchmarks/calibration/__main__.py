@@ -23,7 +23,7 @@ from benchmarks.edge import runs
 from benchmarks.harness import Steps, table
 from tactile_sensing.calibration.procedure import calibrate, Known, Recordings
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.devices.calibration_file import save_calibration
+from tactile_sensing.devices.calibration import save_calibration
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.ball_press import BallPress
 

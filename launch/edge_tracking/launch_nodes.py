@@ -20,7 +20,7 @@ from edge_tracking.resources import NAMESPACE, share
 from edge_tracking.track import RESUMES
 from tactile_common.errors import ConfigurationError
 from tactile_common.parameter_file import ParameterFile
-from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_sensing.devices.calibration import load_calibration
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.urdf import parse, text_of

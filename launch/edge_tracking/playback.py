@@ -16,8 +16,7 @@ from tactile_common.ros.cdr import packed
 from tactile_common.ros.conversions import NS
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.conversions import contact_to_msg, image_to_msg, sensor_info_to_msg
-from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_sensing.devices.calibration import Calibration, load_calibration
 from tactile_sensing.devices.counts import Counts, MAX_BITS
 from tactile_sensing.devices.pad import Pad
 from tactile_sensing.devices.recording import Recording

@@ -24,8 +24,7 @@ from tactile_common.exports import exported
 __all__, __getattr__, __dir__ = exported(__name__, {
     'contact.estimator': 'ContactEstimator EstimatorConfig',
     'contact.ridge': 'ridge_points',
-    'devices.calibration': 'Calibration',
-    'devices.calibration_file': 'load_calibration',
+    'devices.calibration': 'Calibration load_calibration',
     'devices.recording': 'Recording load_recording',
     'devices.stream': 'open_sensor',
     'image': 'image_moments',

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_sensing.devices.calibration import Calibration, load_calibration
 from tactile_sensing.devices.tare import TareRefusedError
 from tactile_sensing.types.array import TactelArray
 

@@ -23,8 +23,7 @@ from tactile_common.ros.conversions import stamp_from_ns, stamp_to_ns
 from tactile_msgs.msg import TactileImage
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.conversions import image_from_msg
-from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_sensing.devices.calibration import Calibration, load_calibration
 
 SHAPE = (3, 4)
 CALIBRATION = Calibration.uncalibrated(*SHAPE, 0.002, bits=10, resolution=0.5)

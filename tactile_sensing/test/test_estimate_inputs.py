@@ -3,8 +3,7 @@ import numpy as np
 import pytest
 
 from tactile_sensing.cli import estimate, estimate_sources
-from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.calibration_file import load_calibration, save_calibration
+from tactile_sensing.devices.calibration import Calibration, load_calibration, save_calibration
 from tactile_sensing.thesis import line
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType, Reason, RECORD

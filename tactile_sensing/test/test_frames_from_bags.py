@@ -8,8 +8,7 @@ from tactile_msgs.msg import TactileImage as TactileImageMsg
 from tactile_sensing.cli import calibrate, estimate
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.conversions import image_from_msg, image_to_msg
-from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.calibration_file import load_calibration, save_calibration
+from tactile_sensing.devices.calibration import Calibration, load_calibration, save_calibration
 from tactile_sensing.thesis import line
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage

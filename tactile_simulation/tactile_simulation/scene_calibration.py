@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.calibration_file import load_calibration, save_calibration
+from tactile_sensing.devices.calibration import Calibration, load_calibration, save_calibration
 from tactile_simulation.world import Scene
 
 ACQUISITION_DELAY = 0.0025  # s, from the instant that a frame shows to its last byte

@@ -6,7 +6,7 @@ import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.cli import calibrate
-from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_sensing.devices.calibration import load_calibration
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.cli import press_ball
 from tactile_simulation.closed_loop import Simulation

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_sensing.devices.calibration import load_calibration
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.thesis.line import pressure as line_pressure
 from tactile_sensing.types.array import TactelArray

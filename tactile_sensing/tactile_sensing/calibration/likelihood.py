@@ -18,7 +18,7 @@ import numpy as np
 from scipy import sparse
 
 from tactile_sensing.calibration.presses import Presses
-from tactile_sensing.devices.unloaded import missing_mean
+from tactile_sensing.devices.tare import missing_mean
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tactile_sensing.devices.unloaded import QUANTISATION
+from tactile_sensing.devices.tare import QUANTISATION
 from tactile_sensing.types.array import TactelArray
 
 LEAST_PEAK = 10.0  # smallest peak of a usable press [standard deviations]

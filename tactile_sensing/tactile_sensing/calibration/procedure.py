@@ -14,8 +14,7 @@ from tactile_sensing.calibration.skin_fit import edge_force_std, Fit, fit_presse
 from tactile_sensing.calibration.unloaded import range_of, survey, Tactels
 from tactile_sensing.calibration.verdict import doubts
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.tare import MIN_TARE_FRAMES
-from tactile_sensing.devices.unloaded import QUANTISATION
+from tactile_sensing.devices.tare import MIN_TARE_FRAMES, QUANTISATION
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin
 

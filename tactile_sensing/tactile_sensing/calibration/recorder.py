@@ -8,7 +8,7 @@ import numpy as np
 
 from tactile_common.npz_stream import read_arrays, write_arrays
 from tactile_sensing.calibration.presses import highest, LEAST_PEAK, why_not
-from tactile_sensing.devices.unloaded import unloaded_statistics
+from tactile_sensing.devices.tare import unloaded_statistics
 from tactile_sensing.types.array import TactelArray
 
 HELD = 20  # a press must be steady for this number of frames

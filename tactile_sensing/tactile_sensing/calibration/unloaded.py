@@ -6,7 +6,7 @@ import numpy as np
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.counts import Counts, MAX_BITS
-from tactile_sensing.devices.unloaded import unloaded_statistics
+from tactile_sensing.devices.tare import unloaded_statistics
 
 MISSING = 5.0  # a threshold exists if more counts than this are expected below it, but missing
 MOST_NOISE = 5.0  # a tactel with more noise is dead [times the usual noise]
@@ -76,16 +76,16 @@ def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tact
     do not change although their neighbours do.
     """
     live = np.ones(frames.shape[1:], bool)
-    first = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
-    usual = float(np.median(first.noise))
+    offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
+    usual = float(np.median(noise))
     dead = {}
-    for place in np.argwhere(first.noise > MOST_NOISE * usual):
-        dead[tuple(place.tolist())] = f'noise {first.noise[tuple(place)]:.1f} counts'
-    for place in np.argwhere(first.offset >= counts.saturation - 1):
+    for place in np.argwhere(noise > MOST_NOISE * usual):
+        dead[tuple(place.tolist())] = f'noise {noise[tuple(place)]:.1f} counts'
+    for place in np.argwhere(offset >= counts.saturation - 1):
         dead[tuple(place.tolist())] = 'at full scale without load'
     never = np.zeros(live.shape, bool)
     if loaded:
-        silent, never = _silent(np.concatenate(loaded), first.offset, usual)
+        silent, never = _silent(np.concatenate(loaded), offset, usual)
         dead |= {tuple(place.tolist()): 'shows nothing under load'
                  for place in np.argwhere(silent)}
     for place in dead:

@@ -25,8 +25,7 @@ from tactile_sensing.cli.options import (
     pitch_of,
     read_counts,
 )
-from tactile_sensing.devices.calibration import RESOLUTION
-from tactile_sensing.devices.calibration_file import save_calibration
+from tactile_sensing.devices.calibration import RESOLUTION, save_calibration
 from tactile_sensing.devices.counts import MAX_BITS
 from tactile_sensing.types.array import PITCH, TactelArray
 

@@ -20,8 +20,7 @@ from tactile_sensing.cli.options import (
     read_counts,
 )
 from tactile_sensing.contact.estimator import ContactEstimator
-from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_sensing.devices.calibration import Calibration, load_calibration
 from tactile_sensing.devices.recording import CHUNK, frame_reader
 from tactile_sensing.devices.tare import TareRefusedError
 from tactile_sensing.types.array import PITCH, TactelArray

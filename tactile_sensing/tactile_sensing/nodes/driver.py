@@ -21,8 +21,7 @@ from tactile_common.ros.runner import run
 from tactile_msgs.msg import SensorInfo as SensorInfoMsg
 from tactile_msgs.msg import TactileImage as TactileImageMsg
 from tactile_sensing.conversions import image_to_msg, sensor_info_to_msg
-from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.calibration_file import load_calibration
+from tactile_sensing.devices.calibration import Calibration, load_calibration
 from tactile_sensing.devices.pad import Pad
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 from tactile_sensing.devices.stream import SensorStream
