@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from tactile_sensing.calibration.presses import Presses
-from tactile_sensing.calibration.skin_fit import edge_force_std, fit_presses
+from tactile_sensing.calibration.skin_fit import fit_presses
 from tactile_sensing.calibration.verdict import doubts, named
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.array import TactelArray
@@ -26,8 +26,8 @@ def pressed(skin, rng, count=15, frames=1, patch=0.5):
     noise = np.full(values.shape, 400.0 * NOISE)
     values = scale * values + noise * rng.standard_normal(values.shape)
     floor = np.full(ARRAY.shape, -np.inf)
-    return (Presses(ARRAY, values, noise, floor, np.arange(len(values))), gains, scale,
-            np.tile(share, count))
+    known = np.arange(len(values)), np.zeros(len(values), int), np.tile(share, count)
+    return Presses(ARRAY, values, noise, floor, *known), gains, scale
 
 
 def rms(values):
@@ -40,9 +40,9 @@ def test_claims_hold_with_gains_that_differ_and_frames_of_one_press(frames):
     for seed in range(4 if frames == 1 else 2):
         rng = np.random.default_rng(seed)
         skin = Skin(rng.uniform(1.5e-3, 2.2e-3), rng.choice([np.inf, 5e-3]), 0.45)
-        presses, gains, scale, told = pressed(
+        presses, gains, scale = pressed(
             skin, rng, frames=frames, patch=rng.uniform(0.35, 0.65))
-        fit = fit_presses(presses, BALL, told=told)
+        fit = fit_presses(presses, BALL)
         assert fit.groups[-1] + 1 == 15
         depth.append((fit.skin.depth - skin.depth) / fit.depth_std)
         here, found = SkinPressure(skin, PITCH, PITCH), SkinPressure(fit.skin, PITCH, PITCH)
@@ -51,13 +51,12 @@ def test_claims_hold_with_gains_that_differ_and_frames_of_one_press(frames):
             seen = scale * gains * fit.gain * here.line(X, Y, 0.0, yaw, 1.0)
             model = found.line(X, Y, 0.0, yaw, 1.0)
             off.append(np.vdot(seen, model) / np.vdot(model, model) / fit.level[0] - 1.0)
-        edges.append(np.mean(off) / np.hypot(edge_force_std(presses, fit, 0, True),
-                                             fit.left / 30**0.5))
+        edges.append(np.mean(off) / np.hypot(fit.edge_force_std, fit.left / 30**0.5))
     assert rms(depth) < 1.8 and rms(edges) < 1.8
 
 
-def test_gains_are_found_as_well_as_claimed_and_dead_rows_are_told():
-    presses, gains, _, _ = pressed(Skin(2e-3, 5e-3, 0.45), np.random.default_rng(3), count=40)
+def test_gains_are_found_as_well_as_claimed_and_dead_rows_are_found():
+    presses, gains, _ = pressed(Skin(2e-3, 5e-3, 0.45), np.random.default_rng(3), count=40)
     presses.values[:, 6] = presses.noise[:, 6] * np.random.default_rng(4).standard_normal(
         presses.values[:, 6].shape)
     fit = fit_presses(presses, BALL)
@@ -72,8 +71,8 @@ def test_gains_are_found_as_well_as_claimed_and_dead_rows_are_told():
 
 
 def test_a_ramp_of_one_press_is_one_press():
-    presses, _, _, told = pressed(Skin(2e-3), np.random.default_rng(5), count=1, frames=8)
-    fit = fit_presses(presses, BALL, told=told)
+    presses, _, _ = pressed(Skin(2e-3), np.random.default_rng(5), count=1, frames=8)
+    fit = fit_presses(presses, BALL)
     assert fit.groups[-1] == 0
     assert any('only 1 presses' in text for text in doubts(fit, BALL, 0.0))
 

@@ -107,7 +107,7 @@ def test_a_press_that_is_held_keeps_some_frames_which_are_one_press(tmp_path):
         values = file['frames'] - 20.0
     values[5, 0, 0] = floor = -10.0  # hidden in one frame of the second press: no value
     presses = Presses(ARRAY, values, np.full(values.shape, 2.0), np.full(ARRAY.shape, floor),
-                      np.arange(12)).averaged()
+                      np.arange(12), np.zeros(12, int), np.ones(12)).averaged()
     assert presses.number.tolist() == [0, 4, 8]
     np.testing.assert_allclose(presses.noise, 1.0)
     assert np.argwhere(np.isnan(presses.values)).tolist() == [[1, 0, 0]]

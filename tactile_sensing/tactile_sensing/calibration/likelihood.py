@@ -89,20 +89,20 @@ def step_of(kind: np.ndarray, k: int) -> float:
     return -DERIVATIVE[k] if kind[k] > MOST[k] - 0.01 else DERIVATIVE[k]
 
 
-def expected_forces(found: np.ndarray, told: np.ndarray, source: np.ndarray,
+def expected_forces(found: np.ndarray, known: np.ndarray, source: np.ndarray,
                     variance: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """
     Return the expected forces of the presses (N,), and their standard deviations (N,).
 
-    The expected force is the known relative force `told`, times the median ratio of fitted and
+    The expected force is the `known` relative force, times the median ratio of fitted and
     known forces of the same source. The standard deviation follows from the spread of all presses
     and the relative `variance` of the fitted forces. A press that deviates too much keeps its
     fitted force, with infinite standard deviation.
     """
-    expected = told.astype(float)
+    expected = known.astype(float)
     for name in np.unique(source):
         own = source == name
-        expected[own] *= np.median(found[own] / told[own])
+        expected[own] *= np.median(found[own] / known[own])
     off = np.abs(found / expected - 1.0)
     spread = max(math.hypot(1.4826 * float(np.median(off)), variance**0.5), LEAST_SPREAD)
     like = off <= UNLIKE * spread
@@ -112,10 +112,9 @@ def expected_forces(found: np.ndarray, told: np.ndarray, source: np.ndarray,
 class Likelihood:
     """Likelihood of presses, with its priors and the spreads that are learnt from a fit."""
 
-    def __init__(self, presses: Presses, ball_radius: float, area: bool, told: np.ndarray,
-                 source: np.ndarray, offset_std: np.ndarray):
-        array = presses.array
-        self.presses, self.radius, self.told, self.source = presses, ball_radius, told, source
+    def __init__(self, presses: Presses, ball_radius: float, area: bool, offset_std: np.ndarray):
+        array, self.presses, self.radius = presses.array, presses, ball_radius
+        self.source = presses.source
         self.x, self.y = array.x, array.y[:, None]
         self.pitch = math.sqrt(array.pitch_x * array.pitch_y)
         self.size = (array.pitch_x, array.pitch_y) if area else (0.0, 0.0)
@@ -178,7 +177,7 @@ class Likelihood:
                 straight = (SHEAR * np.maximum(np.abs(forces[:, 0]), 1e-30))**-2.0
                 info = np.stack([self.force_std**-2, straight, straight], -1)
                 expected = np.zeros(forces.shape)
-                expected[:, 0] = self.told * unknowns.level[self.source]
+                expected[:, 0] = self.presses.force * unknowns.level[self.source]
                 normal[:, range(3), range(3)] += info
                 right += info * (expected - forces)
             forces = forces + np.linalg.solve(normal, right[..., None])[..., 0]
@@ -196,7 +195,7 @@ class Likelihood:
         rest, variance, weight = self.left(unknowns, model)
         force = unknowns.forces[:, 0]
         rest = np.column_stack([rest, -unknowns.forces[:, 1:] / force[:, None],
-                                self.told * unknowns.level[self.source] / force - 1.0])
+                                self.presses.force * unknowns.level[self.source] / force - 1.0])
         weight = np.column_stack([weight / variance, np.full((len(model), 2), SHEAR**-2),
                                   (force / self.force_std)**2])
         return Residuals(relative, basis, model, variance, rest, weight), unknowns
@@ -293,12 +292,12 @@ class Likelihood:
         model, tactels = at.model, at.model.shape[1]
         covariance = np.linalg.inv(self.system(unknowns).matrix)
         variance = np.diag(covariance)[-2 * tactels:-tactels]
-        told = max(tactels - (variance / self.spread**2).sum(), 1.0)
-        self.spread = min(max(math.sqrt((unknowns.gain**2).sum() / told), LEAST_SPREAD), 0.5)
+        determined = max(tactels - (variance / self.spread**2).sum(), 1.0)
+        self.spread = min(max(math.sqrt((unknowns.gain**2).sum() / determined), LEAST_SPREAD), 0.5)
         strong = (model > 0.03 * model.max(axis=1, keepdims=True)) & np.isfinite(self.values)
         tails = (at.weight[:, :tactels] * at.variance)[strong]
         # Degrees of freedom: gains and presses each use up one reading per number.
-        free = max(1.0 - (told + OWN * len(model)) / strong.sum(), 0.2)
+        free = max(1.0 - (determined + OWN * len(model)) / strong.sum(), 0.2)
         excess = np.mean(tails * at.rest[:, :tactels][strong]**2 / free
                          - self.noise[strong]**2) / np.mean(model[strong]**2)
         self.scatter = max(excess, LEAST_SCATTER**2)**0.5
@@ -310,8 +309,8 @@ class Likelihood:
         by_chance = np.median(np.diag(covariance)[common:-2 * tactels:OWN]) if np.isfinite(
             self.force_std).any() else 0.0
         expected, self.force_std = expected_forces(
-            unknowns.forces[:, 0], self.told, self.source, by_chance)
-        level = [np.median((expected / self.told)[self.source == k])
+            unknowns.forces[:, 0], self.presses.force, self.source, by_chance)
+        level = [np.median((expected / self.presses.force)[self.source == k])
                  for k in range(len(unknowns.level))]
         return replace(unknowns, level=np.array(level))
 

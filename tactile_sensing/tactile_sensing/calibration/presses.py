@@ -8,6 +8,7 @@ from tactile_sensing.devices.tare import QUANTISATION
 from tactile_sensing.types.array import TactelArray
 
 LEAST_PEAK = 10.0  # smallest peak of a usable press [standard deviations]
+PER_PRESS = 'values', 'noise', 'number', 'source', 'force'  # fields with one item per press
 ELSEWHERE = 0.3  # a second load far from the press counts above this share of the peak
 SAME_PRESS = 1.5  # two frames show the same held press below this chi-square per tactel
 MOST_PRESSES = 120  # more presses cost time and add little information
@@ -27,6 +28,8 @@ class Presses:
     noise: np.ndarray  # (N, rows, columns) [counts]
     floor: np.ndarray  # (rows, columns) [counts]
     number: np.ndarray  # (N,): index of its first frame in the file
+    source: np.ndarray  # (N,): number of the file
+    force: np.ndarray  # (N,): known force over those of the other presses of the same file
 
     def __len__(self) -> int:
         return len(self.values)
@@ -35,12 +38,11 @@ class Presses:
         """Return these presses followed by other presses of the same array."""
         return replace(self, **{
             name: np.concatenate([getattr(self, name), getattr(other, name)])
-            for name in ('values', 'noise', 'number')})
+            for name in PER_PRESS})
 
     def only(self, chosen: np.ndarray) -> 'Presses':
         """Return the chosen presses; `chosen` is an index array or mask."""
-        return replace(self, **{
-            name: getattr(self, name)[chosen] for name in ('values', 'noise', 'number')})
+        return replace(self, **{name: getattr(self, name)[chosen] for name in PER_PRESS})
 
     def averaged(self) -> 'Presses':
         """Return presses in which consecutive frames that differ only by noise are averaged."""
@@ -51,8 +53,8 @@ class Presses:
             else:
                 groups.append([i])
         values, noise = np.array([self._mean(group) for group in groups]).swapaxes(0, 1)
-        return Presses(self.array, values, noise, self.floor,
-                       self.number[[group[0] for group in groups]])
+        first = self.only(np.array([group[0] for group in groups]))
+        return replace(first, values=values, noise=noise)
 
     def _is_like(self, i: int, group: list[int]) -> bool:
         off = (self.values[i] - self.values[group].mean(axis=0)) / self.noise[i]

@@ -10,7 +10,7 @@ import numpy as np
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.calibration.likelihood import ASSUMED_POISSON, POISSON_STD, UNLIKE
 from tactile_sensing.calibration.presses import Presses, sort_presses
-from tactile_sensing.calibration.skin_fit import edge_force_std, Fit, fit_presses
+from tactile_sensing.calibration.skin_fit import Fit, fit_presses
 from tactile_sensing.calibration.unloaded import range_of, survey, Tactels
 from tactile_sensing.calibration.verdict import doubts
 from tactile_sensing.devices.calibration import Calibration
@@ -187,39 +187,32 @@ class _Procedure:
         if not recordings.ball_radius > 0.0:
             raise ConfigurationError('--ball-radius is missing')
         draft = Calibration(**self.values)
-        parts = {name: self._sorted(name, frames, draft) for name, frames in (
-            ('ball', recordings.ball), ('flat', recordings.flat)) if frames is not None}
-        presses, *more = parts.values()
+        names = [name for name in ('ball', 'flat') if getattr(recordings, name) is not None]
+        presses, *more = (self._sorted(name, k, draft) for k, name in enumerate(names))
         for other in more:
             presses = presses.joined(other)
-        source = np.repeat(np.arange(len(parts)), [len(part) for part in parts.values()])
         offset_std = np.maximum(draft.noise, QUANTISATION**0.5)
         if recordings.unloaded is None:
             _check_unloaded(presses)
         else:
             offset_std = offset_std / len(recordings.unloaded)**0.5
-        told = np.ones(len(presses))
         forced = recordings.force is not None and recordings.ball is not None
-        if forced:
-            of_frames = np.broadcast_to(recordings.force, len(recordings.ball))  # type: ignore
-            told[source == 0] = of_frames[presses.number[source == 0]]
         given = draft.layer().skin if known.depth else None
 
         def fit(chosen: np.ndarray) -> Fit:
             self.tell(f'skin and gains from {chosen.sum()} presses')
             return fit_presses(presses.only(chosen), recordings.ball_radius,
                                area=known.tactel == 'area', known=given, poisson=known.poisson,
-                               told=told[chosen], source=source[chosen], offset_std=offset_std)
+                               offset_std=offset_std)
         chosen = np.ones(len(presses), bool)
         skin = fit(chosen)
         bad = skin.misfit > UNLIKE * np.median(skin.misfit)
         if bad.any() and len(np.unique(skin.groups[~bad])) >= FEWEST_PRESSES:
-            for k, number in zip(source[bad], presses.number[bad], strict=True):
-                self.left_out[list(parts)[k]][
-                    int(number)] = 'unlike the others: no ball, or it moved'
+            for k, number in zip(presses.source[bad], presses.number[bad], strict=True):
+                self.left_out[names[k]][int(number)] = 'unlike the others: no ball, or it moved'
             chosen = ~bad
             skin = fit(chosen)
-        of_ball = int((source[chosen] == 0).sum())
+        of_ball = int((presses.source[chosen] == 0).sum())
         if forced and of_ball < FEWEST_PRESSES:
             raise ConfigurationError(
                 f'ball: only {of_ball} presses of known force are like the others, at least '
@@ -228,26 +221,30 @@ class _Procedure:
         self._use(skin, given, ~draft.live)
         if forced and not known.gain:
             # The known forces are those of the ball, which is the first source.
-            std = edge_force_std(self.presses, skin, 0, known.tactel == 'area')
-            self.values |= {'gain': skin.gain / skin.level[0], 'unit': 'Pa', 'force_std': std}
+            self.values |= {'gain': skin.gain / skin.level[0], 'unit': 'Pa',
+                            'force_std': skin.edge_force_std}
             self.found['force'] = {
                 'presses': self.found['gains']['presses'],
                 'gain': _short(1.0 / skin.level[0]), 'gain_std': _short(skin.level_std)}
 
-    def _sorted(self, name: str, frames: np.ndarray, draft: Calibration) -> Presses:
-        """Return the frames that show a usable press."""
+    def _sorted(self, name: str, source: int, draft: Calibration) -> Presses:
+        """Return the frames of a recording that show a usable press."""
+        frames, count = getattr(self.recordings, name), len(getattr(self.recordings, name))
+        known = self.recordings.force if name == 'ball' else None
+        force = np.broadcast_to(1.0 if known is None else known, count)
         arranged = draft.arrange(np.asarray(frames, dtype=np.float64))
         full = draft.full(arranged)
         noise = np.broadcast_to(np.maximum(draft.noise, QUANTISATION**0.5), arranged.shape)
         values = np.where(draft.live & ~full, arranged - draft.baseline, np.nan)
         floor = draft.counts.threshold - 0.5 - draft.baseline.astype(float)
         good, bad = sort_presses(
-            Presses(draft.array, values, noise, floor, np.arange(len(values))), full.sum((1, 2)))
+            Presses(draft.array, values, noise, floor, np.arange(count), np.full(count, source),
+                    force), full.sum((1, 2)))
         self.left_out[name] = bad
         if len(good) < FEWEST_PRESSES:
             why = '; '.join(f'frame {k}: {text}' for k, text in list(bad.items())[:3])
             raise ConfigurationError(
-                f'{name}: only {len(frames) - len(bad)} of {len(frames)} frames show one press, '
+                f'{name}: only {count - len(bad)} of {count} frames show one press, '
                 f'{len(good)} different ones, at least {FEWEST_PRESSES} are needed ({why})')
         return good
 

@@ -47,18 +47,14 @@ class Fit:
     dead: np.ndarray  # (rows, columns), bool: does not follow the load
     level: np.ndarray  # (sources,) counts per pressure [counts m^2 / N]
     force_left: float  # relative error of the force of a press, due to gains and model
-    kind: np.ndarray  # log depth [m], depth over thickness, Poisson's ratio, patch
-    covariance: np.ndarray  # of the numbers of `kind` and the logarithms of the levels
-
-    @property
-    def level_std(self) -> float:
-        """Relative standard deviation of the level of the first source."""
-        return math.sqrt(self.covariance[KIND, KIND])
+    # Relative standard deviations for forces known in the first source: of its level, and of what
+    # the forces of edges have in common.
+    level_std: float
+    edge_force_std: float
 
 
 def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
                 known: Skin | None = None, poisson: float | None = None,
-                told: np.ndarray | None = None, source: np.ndarray | None = None,
                 offset_std: np.ndarray | float = EXACT) -> Fit:
     """
     Fit skin and gains to presses of a ball.
@@ -75,15 +71,11 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
         True: tactels average over their area. False: they sample their centres.
     known, poisson : Skin, float, optional
         Known skin or Poisson's ratio, not fitted. Otherwise Poisson's ratio has a usual prior.
-    told, source : ndarray, shape (N,), optional
-        Known forces, relative to the other forces of the same source; number of the source.
     offset_std : ndarray, shape (rows, columns), optional
         Standard deviation of the offsets of the unloaded tactels [counts].
     """
-    count = len(presses)
-    offset_std = np.broadcast_to(offset_std, presses.array.shape).ravel()
-    problem = Likelihood(presses, ball_radius, area, np.ones(count) if told is None else told,
-                         np.zeros(count, int) if source is None else source, offset_std)
+    problem = Likelihood(presses, ball_radius, area,
+                         np.broadcast_to(offset_std, presses.array.shape).ravel())
     if poisson is not None:
         problem.usual[2] = poisson
         problem.hold(2)
@@ -117,9 +109,8 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
 
 def _start(problem: Likelihood) -> np.ndarray:
     """Return the half-space at which the search begins: the best of some for few presses."""
-    few = np.arange(min(len(problem.told), 8))
-    trial = Likelihood(problem.presses.only(few), problem.radius, problem.size[0] > 0.0,
-                       problem.told[few], problem.source[few], problem.offset_std)
+    few = problem.presses.only(np.arange(min(len(problem.presses), 8)))
+    trial = Likelihood(few, problem.radius, problem.size[0] > 0.0, problem.offset_std)
     trial.usual, trial.known = problem.usual, problem.known.copy()
     trial.hold(0)
     kinds = [np.append(math.log(depth * problem.pitch), problem.usual[1:]) for depth in DEPTHS]
@@ -163,26 +154,24 @@ def _result(problem: Likelihood, unknowns: Unknowns,
         models=((1.0 + gain) * model + unknowns.offset).reshape(-1, *shape),
         misfit=np.sqrt(off.sum(axis=1) / live.sum(axis=1)), groups=problem.groups,
         dead=problem.gone.reshape(shape), level=unknowns.level * (1.0 + mean),
-        force_left=float(np.median(by_press)), kind=unknowns.kind, covariance=covariance)
+        force_left=float(np.median(by_press)), level_std=std[KIND],
+        edge_force_std=_edge_force_std(problem, unknowns.kind, covariance))
 
 
-def edge_force_std(presses: Presses, fit: Fit, source: int, area: bool) -> float:
+def _edge_force_std(problem: Likelihood, kind: np.ndarray, covariance: np.ndarray) -> float:
     """
     Return the common relative standard deviation of the forces of edges, due to gain and skin.
 
     An error of the skin or the patch changes the gain that follows from the presses. For points
     both errors compensate, because they are like the presses; for edges they do not.
     """
-    array, kind = presses.array, fit.kind
-    size = (array.pitch_x, array.pitch_y) if area else (0.0, 0.0)
-
     def line(kind: np.ndarray) -> np.ndarray:
-        return SkinPressure(skin_of(kind), *size).line(
-            array.x[None, :], array.y[:, None], 0.0, SLANT, 1.0)
-    edge, by = line(kind), np.zeros(len(fit.covariance))
+        return SkinPressure(skin_of(kind), *problem.size).line(
+            problem.x[None, :], problem.y, 0.0, SLANT, 1.0)
+    edge, by = line(kind), np.zeros(len(covariance))
     for k in range(3):
         step = step_of(kind, k)
         change = line(kind + step * np.eye(KIND)[k]) - edge
         by[k] = -np.vdot(edge, change) / step / np.vdot(edge, edge)
-    by[KIND + source] = -1.0
-    return math.sqrt(by @ fit.covariance @ by)
+    by[KIND] = -1.0
+    return math.sqrt(by @ covariance @ by)

@@ -44,7 +44,7 @@ class PointMoments:
     iterations: int = 0  # of `compensated`
 
 
-NOTHING = PointMoments(*[math.nan] * 5, Reason.BAD_FIT)
+NOTHING = PointMoments(math.nan, math.nan, math.nan, math.nan, math.nan, Reason.BAD_FIT)
 
 
 def basic(images: np.ndarray, array: TactelArray, layers: Sequence[Any], *,
@@ -176,7 +176,8 @@ def _one_layer(moments: Sequence[Moments], depths: Sequence[float],
         lever = math.copysign(root, first / m.m0 - at)  # d Q
         shear.append(lever / depth)
         position.append((first - lever) / m.m0)
-    return PointMoments(*position, m.m0, *shear)
+    (a, b), (shear_x, shear_y) = position, shear
+    return PointMoments(a, b, m.m0, shear_x, shear_y)
 
 
 def _two_layers(moments: Sequence[Moments], depths: Sequence[float],
