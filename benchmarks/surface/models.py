@@ -8,8 +8,7 @@ import numpy as np
 
 from tactile_sensing.dome.finite_element_model import FiniteElementDome
 from tactile_sensing.dome.finite_elements import operator_for, SkinConfig, solve
-from tactile_sensing.dome.geometry import Dome
-from tactile_sensing.dome.half_space import HalfSpaceDome
+from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_sensing.types.array import TactelArray
 from tactile_servo.tactile_jacobian.features import FeatureKind, ModelFeatures
 from tactile_servo.tactile_jacobian.jacobian import Increments, loading_cases

@@ -4,7 +4,7 @@ import numpy as np
 
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.contact.ridge import ridge_points
-from tactile_sensing.half_space.kernels import add_point, add_segment
+from tactile_sensing.skin.half_spaces import add_point, add_segment
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 
@@ -20,8 +20,8 @@ def compile_kernels() -> None:
     add_point(ball, array.x, array.y, depth, 0.0, 0.0, 1.0)
     estimator = ContactEstimator()
     for pressure in (edge, ball, crossing):  # the crossing makes the search try everything
-        for told in (depth, 0.0):
+        for skin in (depth, 0.0):
             for noise in (0.01 * pressure.max(), 0.0):
-                layer = Layer('zz', told, pressure.astype(np.float32), noise_std=noise)
+                layer = Layer('zz', skin, pressure.astype(np.float32), noise_std=noise)
                 estimator.estimate(TactileImage(0, 0, (layer,), array, tared=True))
     ridge_points(edge, array, 1.0, depth)

@@ -219,6 +219,6 @@ def _layer_from_msg(layer: Any, shape: tuple[int, ...]) -> Layer:
         raise TactileError(
             f'stress has {stress.size} values, must be {" x ".join(map(str, shape))}')
     # Images in older bags lack some fields.
-    told = {name: getattr(layer, name) for name in _LAYER_REALS if hasattr(layer, name)}
+    known = {name: getattr(layer, name) for name in _LAYER_REALS if hasattr(layer, name)}
     return Layer(COMPONENTS[layer.component], stress=stress.reshape(shape), unit=layer.unit,
-                 thickness=getattr(layer, 'skin_thickness', 0.0) or math.inf, **told)
+                 thickness=getattr(layer, 'skin_thickness', 0.0) or math.inf, **known)

@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from tactile_sensing.calibration.presses import Presses
+from tactile_sensing.calibration.report import doubts, named
 from tactile_sensing.calibration.skin_fit import fit_presses
-from tactile_sensing.calibration.verdict import doubts, named
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.thesis import line, point
 from tactile_sensing.types.array import TactelArray
@@ -127,12 +126,6 @@ def test_shear_that_does_not_show_is_in_the_covariance(decibels):
     assert np.sqrt(np.mean(np.square(errors))) < 1.25
 
 
-def test_second_contact_is_named():
-    contact = estimate(press(-5e-3, 0.0) + press(5e-3, 1e-3), 20.0)
-    assert contact.type == ContactType.OTHER and Reason.TWO_CONTACTS in contact.reasons
-    assert not contact.valid and np.isnan(contact.normal_force)
-
-
 @pytest.mark.parametrize('depth', [1e-4, DEPTH])
 def test_one_spot_that_no_load_explains_is_not_two(depth):
     """One finger on a foil: flat in the middle, with a tail. Two fingers, one tactel apart."""
@@ -148,10 +141,6 @@ def test_one_spot_that_no_load_explains_is_not_two(depth):
             0, 0, (Layer('zz', depth, stress, noise_std=0.01),), ARRAY, tared=True))
         assert contact.type == ContactType.OTHER and Reason.BAD_FIT in contact.reasons
         assert (Reason.TWO_CONTACTS in contact.reasons) == told
-
-
-def test_point_beside_the_pad_is_refused():
-    assert not estimate(press(0.0145, 0.0, force=100.0), 20.0).valid
 
 
 def test_two_layers_and_a_shear_layer_are_used():
@@ -183,11 +172,6 @@ def test_a_demanded_model_is_the_only_one(model, kind):
     for make in (a_point, an_edge):
         contact = estimate(make(rng), 20.0, estimator)
         assert contact.type.name != kind
-
-
-def test_unknown_model_is_refused():
-    with pytest.raises(ConfigurationError, match='model'):
-        EstimatorConfig(model='blob')
 
 
 @pytest.mark.parametrize('beyond', [0.5e-3, 1e-3, 2e-3])

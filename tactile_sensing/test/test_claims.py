@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.half_space.kernels import add_point, add_segment
+from tactile_sensing.skin.half_spaces import add_point, add_segment
 from tactile_sensing.thesis import line, point
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import ContactType, line_offsets, Reason, ROW
+from tactile_sensing.types.contact import ContactType, Reason, ROW
 from tactile_sensing.types.image import Layer
 
 ARRAY, DEPTH, COUNT = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002, 600
@@ -143,23 +143,3 @@ def test_a_second_contact_that_one_tactel_shows_is_no_dead_tactel():
     found = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
     assert found['valid'].mean() < 0.01
     assert (found['reasons'] & int(Reason.TWO_CONTACTS) > 0).mean() > 0.95
-
-
-@pytest.mark.parametrize('std', [0.3, 1.0])  # noise [LSB]
-@pytest.mark.parametrize('kind', FORCES)
-def test_six_bits_clipped_at_zero(kind, std):
-    rng = np.random.default_rng(34)
-    truth, frames = presses(kind, rng)
-    lsb = frames.max() / 60.0
-    measured = frames + std * lsb * rng.standard_normal(frames.shape)
-    noise = lsb * np.hypot(std, 12**-0.5)
-    counts = np.clip(np.rint(measured / lsb), 0, 63)
-    found = estimates(counts * lsb, noise, floor=0.5 * lsb)
-    ideal = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
-    assert found['valid'].mean() > ideal['valid'].mean() - 0.02
-    assert over_claims(found, truth) < HONEST
-    for name, values in truth.items():
-        told = [line_offsets(records) if name == 'offset' else records[name]
-                for records in (found, ideal)]
-        rms = [np.sqrt(np.nanmean((each - values)**2)) for each in told]
-        assert rms[0] < 1.3 * rms[1] * (1.0 + 2.0 / np.sqrt(COUNT)), name

@@ -95,23 +95,6 @@ def test_every_converter_is_as_good_as_its_noise_allows(reference, name):
     assert sensor[4] or error < 1.04 * 1.1 * rounding * best * lost
 
 
-def test_places_need_no_gain(reference):
-    kind, frames, _, unloaded, _ = reference
-    sensor = SENSORS['clipped, 8 bits']
-    known = estimated(frames, sensor, unloaded)
-    blind = Calibration.uncalibrated(16, 16, ARRAY.pitch_x, depth=DEPTH)
-    tare = blind.make_tare(digitised(NOISE * unloaded, sensor))
-    found = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
-        blind.stress(digitised(frames, sensor), tare), ARRAY, [blind.layer(tare)])
-    both = found['valid'] & known['valid'] & (found['type'] == known['type'])
-    assert both.mean() > 0.98
-    found, known = found[both], known[both]
-    np.testing.assert_allclose(found['x'], known['x'], rtol=0, atol=1e-6)
-    np.testing.assert_allclose(found['y'], known['y'], rtol=0, atol=1e-6)
-    np.testing.assert_allclose(found['yaw'], known['yaw'], rtol=0, atol=1e-4)
-    assert np.isnan(found['normal_force']).all() and not found['force_valid'].any()
-
-
 @pytest.mark.parametrize('bits, signed, lowest, highest', [
     (1, False, 0, 1), (1, True, -1, 0), (6, False, 0, 63), (8, True, -128, 127),
     (16, False, 0, 65535), (16, True, -32768, 32767)])

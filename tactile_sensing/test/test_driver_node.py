@@ -164,22 +164,6 @@ def test_port_absent_at_the_start_lost_and_back(make_graph, device):
     graph.stream(unloaded(), lambda: graph.told('', OK))
 
 
-def test_random_bytes_give_no_picture_and_do_not_pile_up(make_graph):
-    graph = make_graph()
-    graph.connect()
-    rng, decoder = np.random.default_rng(4), graph.driver.source.decoder
-
-    def send():
-        graph.device.write(rng.bytes(2000))
-        assert decoder.buffered <= decoder.buffer_bound + 65536  # one read more than the codec's
-    graph.until(lambda: graph.told('no frame of 4x5', ERROR), 'a report', send)
-    assert graph.images == []
-    graph.device.write(b'\x00' + (MARKER + encode_payload(unloaded())) * 4 + MARKER)
-    graph.until(lambda: len(graph.images) == 4, 'pictures after the garbage')
-    graph.until(lambda: graph.value('dropped_bytes') == str(decoder.dropped_bytes),
-                'the dropped bytes in a report')
-
-
 def test_lost_bytes_cost_one_picture_and_show(make_graph):
     graph = make_graph()
     graph.connect()
@@ -189,19 +173,6 @@ def test_lost_bytes_cost_one_picture_and_show(make_graph):
     graph.until(lambda: len(graph.images) == 3, 'the pictures behind the loss')
     assert [message.layers[0].stress[0] for message in graph.images] == [-9.0, -8.0, -7.0]
     graph.until(lambda: graph.value('lost_frames') == '1', 'a report')
-
-
-@pytest.mark.parametrize('bits, counts, words', [
-    (8, np.zeros((16, 16), np.uint8), 'no frame of 4x5: the sensor sends 256 bytes a frame, 20 '
-     'are expected'),
-    (8, np.zeros(SHAPE, np.uint16), 'sends 40 bytes a frame, 20 are expected: it sends two a '
-     'tactel, `bits` of the calibration must be above 8'),
-    (10, np.zeros(SHAPE, np.uint8), 'sends 20 bytes a frame, 40 are expected: it sends one a '
-     'tactel, `bits` of the calibration must be at most 8')])
-def test_frames_of_another_size_are_named(make_graph, bits, counts, words):
-    graph = make_graph(calibration=dataclasses.replace(CALIBRATION, bits=bits, saturation=None))
-    graph.stream(counts + BASELINE, lambda: graph.told(words, ERROR))
-    assert graph.images == []
 
 
 def test_counts_that_the_bits_exclude_are_named(make_graph):

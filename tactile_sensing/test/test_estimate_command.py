@@ -2,7 +2,6 @@
 import re
 import sys
 import tracemalloc
-import zipfile
 
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
@@ -15,7 +14,6 @@ from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.thesis import line
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType, Reason
-from tactile_sensing.types.image import Layer, TactileImage
 
 ROWS, COLUMNS, PITCH, DEPTH, FORCE = 12, 14, 0.001, 0.002, 200.0
 ARRAY = TactelArray(ROWS, COLUMNS, PITCH, PITCH)
@@ -85,18 +83,6 @@ def test_edges_and_empty_frames(there, capsys):
     text = message(capsys)
     assert '20 frames' in text and 'frames/s' in text
     assert '1 none, 19 line; 1 not valid: 1 no_contact' in text
-
-
-def test_same_as_the_estimator(there):
-    frames, _ = edges(5)
-    assert run(frames=frames) == 0
-    found = result()
-    estimator = ContactEstimator()
-    for number, frame in enumerate(frames):
-        contact = estimator.estimate(TactileImage(
-            0, 0, (Layer('zz', DEPTH, frame),), ARRAY, tared=True))
-        for name in set(found) - {'moments'}:
-            np.testing.assert_array_equal(found[name][number], getattr(contact, name))
 
 
 @pytest.mark.parametrize('save', [np.savez, np.savez_compressed])
@@ -236,17 +222,6 @@ def test_damaged_archives(there, capsys, save):
         assert estimate.main([str(path), *OPTIONS, '-o', 'out.npz']) == 2
         assert 'damaged' in message(capsys)
         assert [file.name for file in there.iterdir()] == ['in.npz']
-
-
-def test_header_that_promises_more_than_there_is(there, capsys):
-    np.save('frames.npy', FRAMES)
-    text = (there / 'frames.npy').read_bytes().replace(
-        b'(2, 8, 8), }   ', b'(2000, 8, 8), }')
-    with zipfile.ZipFile('in.npz', 'w') as archive:
-        archive.writestr('frames.npy', text)
-    assert estimate.main(['in.npz', *OPTIONS, '-o', 'out.npz']) == 2
-    assert 'frames is damaged' in message(capsys)
-    assert not (there / 'out.npz').exists()
 
 
 def test_interrupt_leaves_nothing(there, capsys, monkeypatch):

@@ -177,11 +177,6 @@ def test_counts_beyond_the_bits_are_refused_by_name(run):
     assert 'reads -' in run('in.npz', *calibrate())
 
 
-def test_the_file_says_its_bits():
-    calibrate(bits=8)
-    assert 'bits: 8' in open('cal.yaml', encoding='utf-8').read()
-
-
 def test_saturated_counts_are_no_dead_tactels(run):
     frames = np.minimum(counts(1.9 * edges(1)), 1023)
     assert 0 < (frames == 1023).sum() < 40

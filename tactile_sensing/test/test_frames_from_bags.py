@@ -82,13 +82,6 @@ def refused(capsys, *args):
     return err
 
 
-def test_a_file_of_one_array_is_read_as_an_archive_is(there):
-    frames = pressures(6)
-    np.savez('in.npz', frames=frames)
-    np.save('in.npy', np.asfortranarray(frames))
-    same(run('in.npy', *PLAIN), run('in.npz', *PLAIN))
-
-
 def test_a_damaged_file_of_one_array_is_refused(there, capsys):
     np.save('in.npy', pressures(3))
     whole = (there / 'in.npy').read_bytes()

@@ -206,13 +206,6 @@ def test_anything_gives_numbers_or_a_flag(structure, estimator):
         assert finite or estimate.reasons & Reason.BAD_FIT
 
 
-@pytest.mark.parametrize('structure', ['one layer', 'two layers', 'normal and xz'])
-def test_no_force_from_moments_that_are_not_finite(structure):
-    layers, plane = STRUCTURES[structure], plane_moments(*LOADS[0], DEPTH)
-    moments = [plane] * (len(layers) - 1) + [replace(plane, mx=np.nan, my=np.nan)]
-    assert closed_form(moments, layers, (0.0, 0.0)).reasons == Reason.BAD_FIT
-
-
 def test_contact_at_the_border_is_flagged():
     layers = STRUCTURES['normal, xz and yz']
     load = (0.0122, 0.0, 5.0, 1.0, 0.5)

@@ -28,10 +28,6 @@ def test_round_trip(tmp_path):
     assert recording.pitch == 0.00127
 
 
-def test_pitch_is_optional(tmp_path):
-    assert load_recording(saved(tmp_path, frames=FRAMES, rate_hz=10)).pitch is None
-
-
 def test_counts_round_clip_and_say_so():
     frames = np.array([[[np.nan, -0.4, 0.6], [254.6, 255.4, 256.0], [-3.0, np.inf, -np.inf]]])
     counts, clipped = Recording(frames, 10.0).counts()

@@ -207,26 +207,6 @@ def test_shear_beyond_friction(presses, most):
     assert np.abs(noise * records['shear_force_x'] - loads[:, 3]).max() < 0.03
 
 
-def test_shear_across_a_line():
-    array = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
-    rng = np.random.default_rng(16)
-    place = rng.uniform((-8e-3, -0.7), (8e-3, 0.7), (300, 2))
-    clean = np.array([line.pressure(
-        array.x, array.y[:, None], *load, 200.0, DEPTH, 60.0) for load in place])
-    noise = 0.01 * line.peak_pressure(200.0, DEPTH)
-    frames = clean + rng.normal(0.0, noise, clean.shape)
-    layer = Layer('zz', DEPTH, None, 0.0, noise)
-    records = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
-        frames, array, [layer])
-    assert records['valid'].all() and np.isfinite(records['shear_force_x']).all()
-    offset, yaw = place.T
-    off = records['x'] * np.cos(yaw) + records['y'] * np.sin(yaw) - offset
-    assert np.sqrt(np.mean(off**2)) < 0.015e-3  # .2 mm without the shear
-    claimed = np.sqrt(records['covariance'][:, 0, 0] + records['covariance'][:, 1, 1])
-    # Slightly large, because unknown gains may scatter.
-    assert np.sqrt(np.mean((off / claimed) ** 2)) == pytest.approx(0.9, abs=0.2)
-
-
 def test_tactels_that_average_over_their_area():
     rng = np.random.default_rng(17)
     array = TactelArray(16, 16, 0.0016, 0.0016)

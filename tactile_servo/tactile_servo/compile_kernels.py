@@ -3,8 +3,7 @@
 import numpy as np
 
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.half_space.half_spaces import half_spaces
-from tactile_sensing.half_space.kernels import add_segment
+from tactile_sensing.skin.half_spaces import add_segment, half_spaces
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_sensing.types.skin import Skin

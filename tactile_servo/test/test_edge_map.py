@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tactile_sensing.half_space.kernels import add_segment
+from tactile_sensing.skin.half_spaces import add_segment
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.edge_map.edge_map import EdgeMap, ELSEWHERE, NO_RIDGE, SURE_PICTURES

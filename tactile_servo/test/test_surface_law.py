@@ -8,8 +8,7 @@ import pytest
 from tactile_common.ros.conversions import pose_from_msg
 from tactile_msgs.action import TrackSurface
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.dome.geometry import Dome
-from tactile_sensing.dome.half_space import HalfSpaceDome
+from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.config import ServoConfig

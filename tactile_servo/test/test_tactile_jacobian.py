@@ -3,8 +3,7 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.dome.geometry import Dome
-from tactile_sensing.dome.half_space import HalfSpaceDome
+from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_sensing.image import image_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_servo.cli.build_jacobian_table import main

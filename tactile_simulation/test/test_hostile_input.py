@@ -15,8 +15,7 @@ from puma_loop import ELBOW, free_controller, LIMITS, PUMA
 import pytest
 
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.dome.geometry import Dome
-from tactile_sensing.dome.half_space import HalfSpaceDome
+from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage

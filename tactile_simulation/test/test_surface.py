@@ -8,8 +8,7 @@ from puma_loop import COARSE
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.dome.geometry import Dome
-from tactile_sensing.dome.half_space import HalfSpaceDome
+from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_servo.config import ForceBounds, ServoConfig
 from tactile_servo.laws.surface_config import JacobianConfig, ProbeConfig, SurfaceConfig
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal

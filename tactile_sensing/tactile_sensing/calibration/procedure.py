@@ -10,9 +10,9 @@ import numpy as np
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.calibration.likelihood import ASSUMED_POISSON, POISSON_STD, UNLIKE
 from tactile_sensing.calibration.presses import Presses, sort_presses
+from tactile_sensing.calibration.report import doubts
 from tactile_sensing.calibration.skin_fit import Fit, fit_presses
 from tactile_sensing.calibration.unloaded import range_of, survey, Tactels
-from tactile_sensing.calibration.verdict import doubts
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.tare import MIN_TARE_FRAMES, QUANTISATION
 from tactile_sensing.types.array import TactelArray

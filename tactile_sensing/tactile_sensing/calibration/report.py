@@ -1,21 +1,91 @@
-"""Draw the report of a calibration: noise, gains, and what the fit leaves of the presses."""
+"""Report on a calibration: its accuracy in words, reasons to doubt it, and a drawing."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tactile_sensing.calibration.procedure import Outcome
-from tactile_sensing.calibration.verdict import verdict
+from tactile_sensing.calibration.presses import Presses
+from tactile_sensing.calibration.skin_fit import Fit
+from tactile_sensing.devices.calibration import Calibration
+
+MOST_DEAD = 0.1  # largest usual share of dead tactels
+MOST_LEFT_OUT = 0.04  # largest usual share of the pressure that the model does not explain
+USUAL_PATCH = 0.25, 0.75  # radius of a patch over that of the ball
+MOST_UNCERTAIN = 0.1  # largest usual standard deviation of the depth over the depth
+MOST_SPREAD = 0.3  # largest usual relative standard deviation of the gains
+FEW_PRESSES = 8  # with fewer presses, their consistency cannot be judged
 
 
-def draw_report(outcome: Outcome, path: str | Path) -> None:
-    """Draw the report of a calibration with matplotlib into a picture file."""
+def doubts(fit: Fit | None, ball_radius: float, dead: float) -> list[str]:
+    """
+    Return reasons not to trust a calibration: a wrong ball or pitch, a broken pad, few presses.
+
+    `fit` is the fit of the presses (None: no presses), `ball_radius` is in m, and `dead` is the
+    share of dead tactels.
+    """
+    found, check = [], 'check --ball-radius and --pitch'
+    if dead > MOST_DEAD:
+        found.append(f'{100.0 * dead:.0f} % of the tactels are dead: check the wiring')
+    if fit is None:
+        return found
+    if fit.scatter > MOST_LEFT_OUT:
+        found.append(f'{100.0 * fit.scatter:.0f} % of the pressure is not that of a ball of '
+                     f'{1e3 * ball_radius:g} mm radius (usual: less than '
+                     f'{100.0 * MOST_LEFT_OUT:.0f} %): {check}')
+    if not USUAL_PATCH[0] < fit.patch < USUAL_PATCH[1]:
+        found.append(f'the ball touches within {fit.patch:.2f} of its radius (usual: '
+                     f'{USUAL_PATCH[0]} to {USUAL_PATCH[1]}): {check}')
+    if fit.groups[-1] + 1 < FEW_PRESSES:
+        found.append(f'only {fit.groups[-1] + 1} presses at different places, '
+                     f'{FEW_PRESSES} and more are needed')
+    if fit.depth_std > MOST_UNCERTAIN * fit.skin.depth:
+        found.append(f'the depth is only known within {1e3 * fit.depth_std:.2f} mm')
+    if fit.spread > MOST_SPREAD:
+        found.append(f'the gains of the tactels differ by {100.0 * fit.spread:.0f} %')
+    return found
+
+
+def verdict(calibration: Calibration, fit: Fit | None) -> str:
+    """Return the accuracy of force, depth and thickness, and the dead tactels, in one line."""
+    parts = []
+    if calibration.unit == 'Pa' and fit is not None:
+        force = np.hypot(calibration.force_std, fit.force_left)
+        parts.append(f'good for +-{100.0 * force:.1f} % of force')
+    elif calibration.unit == 'Pa':
+        parts.append('forces by the gain that was given')
+    else:
+        parts.append('good for places and directions, not for forces')
+    if fit is not None and fit.depth_std > 0.0:
+        parts.append(f'depth {_mm(fit.skin.depth, fit.depth_std)}')
+        if not fit.skin.is_half_space:
+            parts.append(f'thickness {_mm(fit.skin.thickness, fit.thickness_std)}')
+    dead = named(~calibration.live)
+    return '; '.join([*parts, f'{dead} dead' if dead else 'no tactel dead'])
+
+
+def _mm(value: float, std: float) -> str:
+    digits = int(np.clip(-np.floor(np.log10(max(1e3 * std, 1e-9))), 0, 3))
+    return f'{1e3 * value:.{digits}f} +- {1e3 * std:.{digits}f} mm'
+
+
+def named(some: np.ndarray) -> str:
+    """Return the names of marked tactels (rows, columns); whole rows and columns as such."""
+    rows, columns = np.asarray(some.all(axis=1)), np.asarray(some.all(axis=0))
+    rest = some & ~rows[:, None] & ~columns
+    alone = ', '.join(f'({row}, {column})' for row, column in np.argwhere(rest))
+    names = [f'tactels {alone}'] if alone else []
+    return ', '.join([*names, *(f'row {k}' for k in np.flatnonzero(rows)),
+                      *(f'column {k}' for k in np.flatnonzero(columns))])
+
+
+def draw_report(calibration: Calibration, presses: Presses | None, fit: Fit | None,
+                path: str | Path) -> None:
+    """Draw noise, gains, and what the fit leaves of the presses, into a picture file."""
     import matplotlib
     matplotlib.use('Agg')
     from matplotlib import pyplot
 
-    calibration, presses, fit = outcome.calibration, outcome.presses, outcome.skin
     figure, axes = pyplot.subplots(2, 3, figsize=(12, 7.5), layout='constrained')
     _map(figure, axes[0, 0], calibration.noise, 'noise of every tactel [counts]')
     relative = calibration.gain / calibration.gain[calibration.live].mean()

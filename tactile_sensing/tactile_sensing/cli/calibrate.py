@@ -13,8 +13,7 @@ from tactile_common.npz_stream import read_arrays
 from tactile_common.progress import Progress
 from tactile_sensing.calibration.procedure import calibrate, Known, Outcome, Recordings
 from tactile_sensing.calibration.recorder import Recorder
-from tactile_sensing.calibration.report import draw_report
-from tactile_sensing.calibration.verdict import verdict
+from tactile_sensing.calibration.report import draw_report, verdict
 from tactile_sensing.cli.options import (
     add_pitch,
     add_sensor,
@@ -59,8 +58,8 @@ Example: a pad of 16 x 16 tactels on one inch, a ball pressed by a weight of 100
 `--live FOLDER` asks for them one by one instead, from the sensor on `--port`, tells which press
 was none, and goes on from where it was interrupted.
 
-Frames that are no single press of the ball are named and left out. Without --force places and
-directions are told and forces are not. The last line says what the calibration is good for. Exit
+Frames that are no single press of the ball are named and left out. Without --force there
+are places and directions, but no forces. The last line says what the calibration is good for. Exit
 status: 0; 1 where the file is written but is not to be trusted: the lines before the last one say
 why; 2 after one line that says what is wrong, then nothing is written."""
 
@@ -217,7 +216,7 @@ def run(options: argparse.Namespace) -> bool:
             next(done, STEPS), 'calibrate', text))
         if options.report:
             progress.show(STEPS, 'report')
-            draw_report(outcome, options.report)
+            draw_report(outcome.calibration, outcome.presses, outcome.skin, options.report)
     save_calibration(outcome.calibration, options.out)
     print(*describe(outcome), f'{options.out} written',
           *(f'doubtful: {text}' for text in outcome.doubts),

@@ -15,12 +15,24 @@ from tactile_sensing.contact.beliefs import ENDS, PATCH, POWER
 from tactile_sensing.contact.hypotheses import search
 from tactile_sensing.contact.misfit import LOUD
 from tactile_sensing.contact.noise import hidden_scale, noise_of_image
-from tactile_sensing.contact.records import Readings
+from tactile_sensing.contact.records import Hypothesis, Readings
 from tactile_sensing.contact.refusal import BAD_FIT, has_second_hill, NO_CONTACT
-from tactile_sensing.contact.reported import report
 from tactile_sensing.image import moments_of
-from tactile_sensing.skin.bumps import Pad, POINT
-from tactile_sensing.types.contact import ContactType, Reason
+from tactile_sensing.skin.bumps import (
+    BEGIN,
+    chord,
+    END,
+    FORCE,
+    loaded_chord,
+    Pad,
+    POINT,
+    Q0,
+    Q1,
+    SHEAR_U,
+    SHEAR_V,
+    WIDTH,
+)
+from tactile_sensing.types.contact import ContactType, Reason, ROW
 
 FEWEST = 6  # tactels
 CUT_OFF = 4  # this number of equal highest readings may be saturated
@@ -32,6 +44,7 @@ FEW_TACTELS, SATURATED = int(Reason.FEW_TACTELS), int(Reason.SATURATED)
 TWO_CONTACTS, SKIN_MISMATCH = int(Reason.TWO_CONTACTS), int(Reason.SKIN_MISMATCH)
 NONE, IS_POINT, IS_LINE, OTHER = (int(kind) for kind in (
     ContactType.NONE, ContactType.POINT, ContactType.LINE, ContactType.OTHER))
+X, Y, YAW, NORMAL, SHEAR_X, SHEAR_Y, PER_LENGTH = ROW
 
 
 class Sensor(NamedTuple):
@@ -85,6 +98,85 @@ def _examine(frame: np.ndarray, known: Sensor, saturated: int, noise: np.ndarray
     return 0.0 if why else top
 
 
+@njit(error_model='numpy')
+def _write_point(theta: np.ndarray, values: np.ndarray, change: np.ndarray) -> None:
+    for row, parameter in ((X, Q0), (Y, Q1), (NORMAL, FORCE), (SHEAR_X, SHEAR_U),
+                           (SHEAR_Y, SHEAR_V)):
+        values[row], change[row, parameter] = theta[parameter], 1.0
+
+
+@njit(error_model='numpy')
+def _write_line(pad: Pad, theta: np.ndarray, ends: bool, values: np.ndarray,
+                change: np.ndarray) -> tuple[float, float]:
+    """
+    Write the parameters of a line and their derivatives; return its start and end.
+
+    The line's place is the middle of its loaded part on the pad; its forces are those on the pad.
+    """
+    rho, yaw, force, shear = theta[Q0], theta[Q1], theta[FORCE], theta[SHEAR_U]
+    first, last, by_length = loaded_chord(pad, theta, ends)
+    middle, length = 0.5 * (first + last), last - first
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    turns = math.ceil(yaw / math.pi - 0.5)
+    values[X], values[Y] = rho * cos - middle * sin, rho * sin + middle * cos
+    values[YAW], values[PER_LENGTH] = yaw - math.pi * turns, force
+    values[NORMAL] = force * length
+    values[SHEAR_X], values[SHEAR_Y] = shear * length * cos, shear * length * sin
+    change[X, Q0], change[X, Q1] = cos, cos * middle
+    change[Y, Q0], change[Y, Q1] = sin, sin * middle
+    change[YAW, Q1] = change[PER_LENGTH, FORCE] = 1.0
+    change[NORMAL, FORCE] = length
+    change[SHEAR_X, SHEAR_U], change[SHEAR_Y, SHEAR_U] = length * cos, length * sin
+    for k, parameter in enumerate((Q0, Q1, BEGIN, END)):
+        change[NORMAL, parameter] = force * by_length[k]
+        change[SHEAR_X, parameter] = shear * cos * by_length[k]
+        change[SHEAR_Y, parameter] = shear * sin * by_length[k]
+    change[SHEAR_X, Q1] -= shear * length * sin
+    change[SHEAR_Y, Q1] += shear * length * cos
+    start = end = np.nan
+    if ends:
+        begin, stop, sign = theta[BEGIN], theta[END], 1.0
+        if turns % 2:
+            begin, stop, sign = -stop, -begin, -1.0
+        low, high = chord(pad, sign * rho, values[YAW])
+        if begin > low:
+            start = begin
+        if stop < high:
+            end = stop
+    return start, end
+
+
+@njit(error_model='numpy')
+def _report(pad: Pad, one: Hypothesis, force_std: float, record: Any) -> None:
+    """
+    Write the parameters of a valid contact and their covariance to a record.
+
+    The forces are written only if they are valid. `force_std` is the relative standard deviation
+    that all of them have in common.
+    """
+    theta, beliefs = one.fit.theta, one.beliefs
+    values, change = np.full(7, np.nan), np.zeros((7, theta.size))
+    if beliefs.kind == POINT:
+        _write_point(theta, values, change)
+    else:
+        record.start, record.end = _write_line(pad, theta, beliefs.ends, values, change)
+    covariance = change @ one.covariance @ change.T
+    for i in range(7):
+        for j in range(7):
+            if i >= NORMAL and j >= NORMAL:
+                covariance[i, j] += force_std**2 * values[i] * values[j]
+            known = record.force_valid or max(i, j) < NORMAL
+            if known and not np.isnan(values[i] + values[j]):
+                record.covariance[i, j] = covariance[i, j]
+    record.x, record.y, record.yaw = values[X], values[Y], values[YAW]
+    if record.force_valid:
+        record.normal_force, record.line_force = values[NORMAL], values[PER_LENGTH]
+        record.shear_force_x, record.shear_force_y = values[SHEAR_X], values[SHEAR_Y]
+        spread = math.sqrt(theta[WIDTH]) if beliefs.patch else 0.0
+        width = math.sqrt(5.0) if beliefs.kind == POINT else 2.0
+        record.patch = pad.depths[0] * spread * width
+
+
 @njit(error_model='numpy', inline='always')
 def _answer(frame: np.ndarray, known: Sensor, saturated: int, kinds: np.ndarray,
             record: Any) -> int:
@@ -130,7 +222,7 @@ def _answer(frame: np.ndarray, known: Sensor, saturated: int, kinds: np.ndarray,
     if record.valid:
         if one.residual.silent or one.residual.loudest > 2.0 * LOUD:
             why |= DEAD_TACTELS
-        report(pad, one, known.force_std, record)
+        _report(pad, one, known.force_std, record)
     record.reasons = seen | why
     return POWER * beliefs.power + PATCH * beliefs.patch + ENDS * beliefs.ends
 

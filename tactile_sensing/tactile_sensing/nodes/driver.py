@@ -33,7 +33,7 @@ _LAST_READ = 2.0
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
-def _told(default: Any, doc: str) -> Any:
+def _documented(default: Any, doc: str) -> Any:
     return field(default=default, metadata={'doc': doc})
 
 
@@ -41,19 +41,22 @@ def _told(default: Any, doc: str) -> Any:
 class DriverConfig:
     """Parameters of the driver node."""
 
-    port: str = _told('', 'Serial port of the sensor, for instance /dev/ttyUSB0, or '
-                      'usb:VENDOR:PRODUCT[:SERIAL NUMBER]; must be given unless `topic` is')
-    topic: str = _told('', 'Topic of raw images that another driver publishes, in place of a port')
+    port: str = _documented(
+        '', 'Serial port of the sensor, for instance /dev/ttyUSB0, or '
+        'usb:VENDOR:PRODUCT[:SERIAL NUMBER]; must be given unless `topic` is')
+    topic: str = _documented(
+        '', 'Topic of raw images that another driver publishes, in place of a port')
     protocol: str = one_of(
         'flexitac', f'Byte protocol of the sensor: {", ".join(PROTOCOLS)}', PROTOCOLS)
-    options: str = _told('', 'Options of the protocol, for instance `stamp=us checksum=true`')
+    options: str = _documented(
+        '', 'Options of the protocol, for instance `stamp=us checksum=true`')
     baud: int = bounded(0, "Line speed; 0 = the protocol's", 'bit/s', 0, 12_000_000)
-    sensor: str = _told('flexitac', 'Name of the sensor')
-    frame_id: str = _told('tactile_pad', 'Sensor frame')
-    calibration: str = _told('', "Calibration file; empty = the protocol's, of this package")
-    tare_at_start: bool = _told(True, 'Tare as soon as frames without load arrive')
-    track_drift: bool = _told(False, 'Tare again and again while nothing touches the pad')
-    autostart: bool = _told(
+    sensor: str = _documented('flexitac', 'Name of the sensor')
+    frame_id: str = _documented('tactile_pad', 'Sensor frame')
+    calibration: str = _documented('', "Calibration file; empty = the protocol's, of this package")
+    tare_at_start: bool = _documented(True, 'Tare as soon as frames without load arrive')
+    track_drift: bool = _documented(False, 'Tare again and again while nothing touches the pad')
+    autostart: bool = _documented(
         True, 'Configure and activate at the start; else a lifecycle manager does')
 
     def __post_init__(self) -> None:

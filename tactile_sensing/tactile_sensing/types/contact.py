@@ -45,14 +45,13 @@ INFORMATION = (Reason.SATURATED | Reason.DEAD_TACTELS | Reason.SKIN_MISMATCH | R
                | Reason.UNCALIBRATED)
 
 
-def _told(unit: str, doc: str, *, dtype: str = 'f8', row: bool = False) -> dict:
-    """Return the metadata of a field that is written to files."""
+def _column(unit: str, doc: str, dtype: str = 'f8', row: bool = False) -> dict:
+    """Return the metadata of a field that is written to files; `row`: and in the covariance."""
     return {'unit': unit, 'doc': doc, 'dtype': dtype, 'row': row}
 
 
-def _parameter(unit: str, doc: str) -> dict:
-    """Return the metadata of a parameter that has a row and a column in the covariance."""
-    return _told(unit, doc, row=True)
+def _real(unit: str, doc: str, row: bool = False) -> Any:
+    return field(default=NAN, metadata=_column(unit, doc, row=row))
 
 
 def no_covariance() -> np.ndarray:
@@ -69,42 +68,37 @@ class Contact:
     if `force_valid` is false, forces and patch are NaN.
     """
 
-    type: ContactType = field(metadata=_told(
-        '', 'least model that explains the frame; see Types', dtype='u1'))
-    valid: bool = field(metadata=_told(
-        '', 'whether place and direction may be used', dtype='?'))
-    force_valid: bool = field(default=False, kw_only=True, metadata=_told(
-        '', 'whether forces and patch may be used as well', dtype='?'))
-    reasons: Reason = field(metadata=_told(
-        '', 'why not valid, or what was left out; see Flags', dtype='u4'))
+    type: ContactType = field(metadata=_column(
+        '', 'least model that explains the frame; see Types', 'u1'))
+    valid: bool = field(metadata=_column('', 'whether place and direction may be used', '?'))
+    force_valid: bool = field(default=False, kw_only=True, metadata=_column(
+        '', 'whether forces and patch may be used as well', '?'))
+    reasons: Reason = field(metadata=_column(
+        '', 'why not valid, or what was left out; see Flags', 'u4'))
     method: str
     model: str = ''
-    x: float = field(default=NAN, metadata=_parameter(
-        'm', 'of the contact; line: of its point nearest to the centre of the load'))
-    y: float = field(default=NAN, metadata=_parameter('m', 'likewise'))
-    yaw: float = field(default=NAN, metadata=_parameter(
-        'rad', 'line: its direction, right-handed about +z, 0 along +y, in (-pi/2, pi/2]'))
-    normal_force: float = field(default=NAN, metadata=_parameter(
-        'N', 'normal force, positive into the skin; line: on the whole pad'))
-    shear_force_x: float = field(default=NAN, metadata=_parameter(
-        'N', 'tangential force on the skin, +x; line: of the shear across it'))
-    shear_force_y: float = field(default=NAN, metadata=_parameter(
-        'N', 'tangential force on the skin, +y; line: likewise'))
-    line_force: float = field(default=NAN, metadata=_parameter(
-        'N/m', 'line: normal force per length of edge'))
-    patch: float = field(default=NAN, metadata=_told(
-        'm', 'radius of the patch of a blunt point, half width of a blunt line; 0: sharp'))
-    start: float = field(default=NAN, metadata=_told(
-        'm', 'line: where it begins within the pad, along yaw from the foot of the origin'))
-    end: float = field(default=NAN, metadata=_told('m', 'line: where it ends, likewise'))
-    covariance: np.ndarray = field(default_factory=no_covariance, metadata=_told(
+    x: float = _real('m', 'of the contact; line: of its point nearest to the centre of the load',
+                     True)
+    y: float = _real('m', 'likewise', True)
+    yaw: float = _real(
+        'rad', 'line: its direction, right-handed about +z, 0 along +y, in (-pi/2, pi/2]', True)
+    normal_force: float = _real(
+        'N', 'normal force, positive into the skin; line: on the whole pad', True)
+    shear_force_x: float = _real(
+        'N', 'tangential force on the skin, +x; line: of the shear across it', True)
+    shear_force_y: float = _real('N', 'tangential force on the skin, +y; line: likewise', True)
+    line_force: float = _real('N/m', 'line: normal force per length of edge', True)
+    patch: float = _real(
+        'm', 'radius of the patch of a blunt point, half width of a blunt line; 0: sharp')
+    start: float = _real(
+        'm', 'line: where it begins within the pad, along yaw from the foot of the origin')
+    end: float = _real('m', 'line: where it ends, likewise')
+    covariance: np.ndarray = field(default_factory=no_covariance, metadata=_column(
         'SI', 'of (x, y, yaw, normal_force, shear_force_x, shear_force_y, line_force)'))
-    snr: float = field(default=NAN, metadata=_told(
-        'dB', '20 log10 of the fitted peak over the noise of a tactel'))
-    residual: float = field(default=NAN, metadata=_told('', 'RMS of (frame - model) / noise'))
-    iterations: int = field(default=0, metadata=_told(
-        '', 'steps taken by the estimator', dtype='u4'))
-    moments: Moments = field(default=Moments(NAN, NAN, NAN, NAN, NAN, NAN), metadata=_told(
+    snr: float = _real('dB', '20 log10 of the fitted peak over the noise of a tactel')
+    residual: float = _real('', 'RMS of (frame - model) / noise')
+    iterations: int = field(default=0, metadata=_column('', 'steps taken by the estimator', 'u4'))
+    moments: Moments = field(default=Moments(NAN, NAN, NAN, NAN, NAN, NAN), metadata=_column(
         'SI', 'M0, Mx, My, Mxx, Myy, Mxy of the pressure, of every frame'))
 
     @property

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from tactile_sensing.half_space.half_spaces import half_spaces
+from tactile_sensing.skin.half_spaces import half_spaces
 from tactile_servo.edge_map import corner_fit
 from tactile_servo.edge_map.corner_fit import CornerShape, SIZE
 from tactile_servo.edge_map.picture import Picture

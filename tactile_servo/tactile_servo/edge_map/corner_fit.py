@@ -7,7 +7,7 @@ import numpy as np
 
 from tactile_common.geometry import wrap_angle
 from tactile_common.kernels import njit
-from tactile_sensing.half_space.kernels import add_point, add_segment
+from tactile_sensing.skin.half_spaces import add_point, add_segment
 
 # In skin depths, the width to which the skin blurs a line:
 LEG = 7.5  # length of each leg that loads the tactels near the vertex

@@ -1,1 +1,0 @@
-"""Compiled loads on an elastic half-space, and approximation of a skin by half-spaces."""
