@@ -47,7 +47,7 @@ class Bench:
             act()
             self.executor.spin_once(timeout_sec=0.005)
 
-    def told(self, words, level=None):
+    def shows(self, words, level=None):
         """Return whether the last diagnostic report contains these words and has this level."""
         return bool(self.reports) and words in self.reports[-1].message and level in (
             None, self.reports[-1].level)

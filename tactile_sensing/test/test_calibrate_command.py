@@ -138,18 +138,18 @@ def test_a_wrong_ball_is_doubted_and_a_missing_recording_is_named(there, profile
     for radius, doubted in ((BALL, False), (0.5 * BALL, True)):
         assert calibrate.main([*OPTIONS, '--unloaded', 'u.npz', *known, '--ball-radius',
                                f'{radius}']) == (calibrate.DOUBTFUL if doubted else 0)
-        told = 'doubtful: the ball touches within' in capsys.readouterr().err
-        assert told == doubted == ('doubtful' in load_calibration('pad.yaml').found)
+        doubts = 'doubtful: the ball touches within' in capsys.readouterr().err
+        assert doubts == doubted == ('doubtful' in load_calibration('pad.yaml').found)
     assert calibrate.main([*OPTIONS, *known, '--ball-radius', f'{BALL}']) == 2
     assert '--unloaded is missing' in capsys.readouterr().err
 
 
 def test_presses_of_another_weight_are_left_alone():
     """All presses of a file have one weight within 1 %, except one that is twice as hard."""
-    expected, told, source = np.repeat([1.0, 3.0], 20), np.ones(40), np.repeat([0, 1], 20)
+    expected, known, source = np.repeat([1.0, 3.0], 20), np.ones(40), np.repeat([0, 1], 20)
     found = 2.0 * expected * (1.0 + 0.01 * np.random.default_rng(8).standard_normal(40))
     found[5] *= 2.0
-    force, std = expected_forces(found, told, source)
+    force, std = expected_forces(found, known, source)
     assert np.isinf(std[5]) and force[5] == found[5]
     others = np.delete(np.arange(40), 5)
     like = np.isfinite(std[others])
@@ -167,10 +167,10 @@ def test_bad_presses_are_named_and_left_out(there, profile, capsys):
     np.savez('b.npz', frames=digitised(pictures, rng))
     assert calibrate.main([*OPTIONS, '--unloaded', 'u.npz', '--ball', 'b.npz', '--ball-radius',
                            '0.001']) == 0
-    told = capsys.readouterr().err
-    assert 'ball, frame 3 left out: nothing presses' in told
-    assert 'ball, frame 5 left out' in told and 'full scale' in told
-    assert 'ball, frame 7 left out: something presses elsewhere' in told
+    text = capsys.readouterr().err
+    assert 'ball, frame 3 left out: nothing presses' in text
+    assert 'ball, frame 5 left out' in text and 'full scale' in text
+    assert 'ball, frame 7 left out: something presses elsewhere' in text
 
 
 def test_silent_and_noisy_tactels_are_found():
@@ -206,8 +206,8 @@ def test_a_pad_that_is_largely_dead_is_not_trusted(there, profile, capsys):
     np.savez('b.npz', frames=frames)
     assert calibrate.main([*OPTIONS, '--unloaded', 'u.npz', '--ball', 'b.npz', '--ball-radius',
                            '0.001']) == calibrate.DOUBTFUL
-    told = capsys.readouterr().err
-    assert '19 % of the tactels are dead' in told and told.strip().endswith('do not trust it')
+    text = capsys.readouterr().err
+    assert '19 % of the tactels are dead' in text and text.strip().endswith('do not trust it')
 
 
 def test_tactels_beside_an_edge_are_not_dead_but_not_loaded(there, capsys):
@@ -276,8 +276,8 @@ def test_corners_say_how_rows_and_columns_come(rows, columns, transposed):
     (['--unloaded', 'u.npz', '--thickness', '0.004'], '--thickness needs --depth')])
 def test_mistakes_are_answered_in_one_line(there, capsys, options, words):
     assert calibrate.main([*OPTIONS, *options]) == 2
-    told = capsys.readouterr().err
-    assert told.startswith('calibrate: ') and told.count('\n') == 1 and words in told
+    text = capsys.readouterr().err
+    assert text.startswith('calibrate: ') and text.count('\n') == 1 and words in text
     assert not (there / 'pad.yaml').exists()
 
 

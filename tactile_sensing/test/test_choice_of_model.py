@@ -83,20 +83,20 @@ def noisy_estimates(make, decibels, count, seed):
     (an_edge, ContactType.LINE), (two_points, ContactType.OTHER),
     (flat_disc, ContactType.OTHER), (a_corner, ContactType.OTHER),
     (end_of_an_edge, ContactType.LINE)])
-def test_type_is_told(make, kind, decibels):
+def test_the_type_is_found(make, kind, decibels):
     found = list(noisy_estimates(make, decibels, 100, seed=decibels))
     right = sum(contact.type == kind for contact in found)
     bar = 96 if decibels > 20 else 85 if kind == ContactType.OTHER else 90
     assert right >= bar, [contact.type.name for contact in found if contact.type != kind]
     two = sum(Reason.TWO_CONTACTS in contact.reasons for contact in found)
     assert two >= (0.9 * bar if decibels > 20 else 40) if make is two_points else two <= 20
-    told = {ContactType.POINT, ContactType.LINE}
+    explained = {ContactType.POINT, ContactType.LINE}
     if make is end_of_an_edge:  # the pad may show only a corner of it
         found = [contact for contact in found
                  if contact.type == kind and Reason.OFF_PAD not in contact.reasons]
         assert len(found) > 40
         assert all(np.isfinite([contact.start, contact.end]).any() for contact in found)
-    assert all(contact.valid == (contact.type in told) for contact in found)
+    assert all(contact.valid == (contact.type in explained) for contact in found)
 
 
 def test_shear_is_reported_within_its_claim():
@@ -135,12 +135,12 @@ def test_one_spot_that_no_load_explains_is_not_two(depth):
     two = spot.copy()
     two[9:12, 3:7] = 0.4
     rng = np.random.default_rng(12)
-    for picture, told in ((spot, False), (two, True)):
+    for picture, expected in ((spot, False), (two, True)):
         stress = (picture + 0.01 * rng.standard_normal(ARRAY.shape)).astype(np.float32)
         contact = ESTIMATOR.estimate(TactileImage(
             0, 0, (Layer('zz', depth, stress, noise_std=0.01),), ARRAY, tared=True))
         assert contact.type == ContactType.OTHER and Reason.BAD_FIT in contact.reasons
-        assert (Reason.TWO_CONTACTS in contact.reasons) == told
+        assert (Reason.TWO_CONTACTS in contact.reasons) == expected
 
 
 def test_two_layers_and_a_shear_layer_are_used():

@@ -49,15 +49,15 @@ def over_claims(found, truth):
     return max(np.sqrt(np.mean(ratio[valid]**2)) for ratio in ratios)
 
 
-@pytest.mark.parametrize('spread, told', [(0.1, 0.1), (0.1, 0.0), (0.05, 0.0), (0.02, 0.0)])
+@pytest.mark.parametrize('spread, known', [(0.1, 0.1), (0.1, 0.0), (0.05, 0.0), (0.02, 0.0)])
 @pytest.mark.parametrize('kind', FORCES)
-def test_gains_that_differ(kind, spread, told):
+def test_gains_that_differ(kind, spread, known):
     rng = np.random.default_rng(31)
     truth, frames = presses(kind, rng, 2000)
     noise = 0.01 * frames.max()
     frames *= 1.0 + spread * rng.standard_normal(frames.shape)
     found = estimates(
-        frames + noise * rng.standard_normal(frames.shape), noise, gain_spread=told)
+        frames + noise * rng.standard_normal(frames.shape), noise, gain_spread=known)
     assert found['valid'].mean() > 0.95
     found['valid'] &= found['type'] == kind
     assert over_claims(found, truth) < HONEST

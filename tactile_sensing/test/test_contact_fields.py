@@ -33,8 +33,8 @@ def test_rows_of_the_covariance_are_those_of_the_message():
 
 
 def test_messages_and_estimates_have_every_field():
-    told = {field.name for field in fields(Contact)}
-    assert told <= set(ContactMsg.get_fields_and_field_types())
+    names = {field.name for field in fields(Contact)}
+    assert names <= set(ContactMsg.get_fields_and_field_types())
     assert list(COLUMNS) == list(RECORD.names)
     assert RECORD.names[:7] == ('type', 'valid', 'force_valid', 'reasons', 'x', 'y', 'yaw')
 

@@ -132,7 +132,7 @@ def test_tare_is_refused_under_load_and_without_frames(make_graph):
     assert 'under load: 1 tactels' in answer.message and 'row 1 column 2' in answer.message
     assert not graph.images[-1].tared
     graph.device.unplug()
-    graph.until(lambda: graph.told('is not there', ERROR), 'a loss')
+    graph.until(lambda: graph.shows('is not there', ERROR), 'a loss')
     answer = graph.tare()
     assert not answer.success and 'no frames' in answer.message
 
@@ -141,7 +141,7 @@ def test_tare_at_start_waits_for_the_load_to_go(make_graph):
     graph = make_graph(tare_at_start=True)
     graph.stream(unloaded(200), lambda: len(graph.images) >= 2 * TARE_FRAMES)
     assert not any(message.tared for message in graph.images)
-    graph.until(lambda: graph.told('under load'), 'a warning')
+    graph.until(lambda: graph.shows('under load'), 'a warning')
     graph.stream(unloaded(), lambda: graph.images[-1].tared)
     np.testing.assert_array_equal(graph.images[-1].layers[0].stress, 0.0)
 
@@ -149,19 +149,19 @@ def test_tare_at_start_waits_for_the_load_to_go(make_graph):
 def test_port_absent_at_the_start_lost_and_back(make_graph, device):
     device.unplug()
     graph = make_graph()
-    graph.until(lambda: graph.told('is not there', ERROR), 'a report')
+    graph.until(lambda: graph.shows('is not there', ERROR), 'a report')
     device.plug_in()
     graph.connect()
     graph.stream(unloaded(), lambda: len(graph.images) >= TARE_FRAMES)
     assert graph.tare().success
     graph.device.unplug()
-    graph.until(lambda: graph.told('is not there', ERROR), 'a report of the loss')
+    graph.until(lambda: graph.shows('is not there', ERROR), 'a report of the loss')
     graph.images.clear()
     graph.device.plug_in()
     graph.stream(unloaded(20), lambda: len(graph.images) >= 5)
     assert graph.images[-1].tared
     np.testing.assert_array_equal(graph.images[-1].layers[0].stress, 10.0)
-    graph.stream(unloaded(), lambda: graph.told('', OK))
+    graph.stream(unloaded(), lambda: graph.shows('', OK))
 
 
 def test_lost_bytes_cost_one_picture_and_show(make_graph):
@@ -178,7 +178,7 @@ def test_lost_bytes_cost_one_picture_and_show(make_graph):
 def test_counts_that_the_bits_exclude_are_named(make_graph):
     graph = make_graph(calibration=dataclasses.replace(CALIBRATION, bits=10, saturation=None))
     words = 'counts outside 0 to 1023 arrive, which `bits: 10` of the calibration excludes'
-    graph.stream(np.full(SHAPE, 3000, np.uint16), lambda: graph.told(words))
+    graph.stream(np.full(SHAPE, 3000, np.uint16), lambda: graph.shows(words))
 
 
 def test_rate_is_reported(make_graph):
@@ -186,7 +186,7 @@ def test_rate_is_reported(make_graph):
     graph.connect()
     graph.stream(unloaded(), lambda: len(graph.reports) >= 3)
     assert float(graph.value('rate')) > 20.0
-    assert graph.told('not tared', WARN)
+    assert graph.shows('not tared', WARN)
 
 
 @pytest.mark.parametrize('parameters, reason', [

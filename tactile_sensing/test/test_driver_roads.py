@@ -50,7 +50,7 @@ VALUES = np.arange(12).reshape(SHAPE) * 10
     ids=lambda it: getattr(it, 'encoding', type(it).__name__))
 def test_images_of_a_topic(message, gain):
     with hearing() as bench:
-        bench.until(lambda: bench.told('nobody publishes /raw'), 'a report')
+        bench.until(lambda: bench.shows('nobody publishes /raw'), 'a report')
         assert bench.reports[-1].level == DiagnosticStatus.ERROR
         publisher = bench.node.create_publisher(type(message), 'raw', 5)
         stamp = bench.node.get_clock().now().nanoseconds - 50_000_000
@@ -68,10 +68,10 @@ def test_images_of_a_topic(message, gain):
 def test_topics_that_are_no_images_of_the_array_are_explained():
     with hearing() as bench:
         bench.node.create_publisher(TactileImage, 'raw', 5)
-        bench.until(lambda: bench.told('is of tactile_msgs/msg/TactileImage, must be'), 'a type')
+        bench.until(lambda: bench.shows('is of tactile_msgs/msg/TactileImage, must be'), 'a type')
     with hearing() as bench:
         publisher = bench.node.create_publisher(UInt16MultiArray, 'raw', 5)
-        bench.until(lambda: bench.told('data holds 3 values, must hold 12'), 'a size',
+        bench.until(lambda: bench.shows('data holds 3 values, must hold 12'), 'a size',
                     lambda: publisher.publish(UInt16MultiArray(data=[1, 2, 3])))
         assert bench.images == []
 
@@ -91,7 +91,7 @@ def test_a_manager_starts_and_stops_it():
 
         def send():
             publisher.publish(message)
-        bench.until(lambda: bench.told('not active'), 'a report', send)
+        bench.until(lambda: bench.shows('not active'), 'a report', send)
         assert bench.images == [] and bench.driver.source is None
         assert change(bench, Transition.TRANSITION_CONFIGURE)
         assert change(bench, Transition.TRANSITION_ACTIVATE)

@@ -163,7 +163,7 @@ WORDS = {
                     '--pitch: value is 1.0, must be between 1e-06 and 0.1 m; did you mean 0.001?'),
     'pitch nan': ({'frames': FRAMES}, ['--pitch', 'nan'], '--pitch: value is nan'),
     'pitch text': ({'frames': FRAMES}, ['--pitch', 'mm'], "--pitch: invalid float value: 'mm'"),
-    'three pitches': ({'frames': FRAMES}, ['--pitch', '.1', '.1', '.1'], 'one length or two,'),
+    'three pitches': ({'frames': FRAMES}, ['--pitch', '.1', '.1', '.1'], 'one length or two'),
     'depth 0': ({'frames': FRAMES}, ['--layers', 'zz@0'], 'depth of zz is 0.0, must be between'),
     'depth inf': ({'frames': FRAMES}, ['--layers', 'zz@inf'], 'depth of zz is inf'),
     'depth missing': ({'frames': FRAMES}, ['--layers', 'zz'], "depth of zz is ''"),

@@ -12,7 +12,7 @@ ROWS, COLUMNS, PITCH, DEPTH, FORCE = 12, 14, 0.001, 0.002, 200.0
 ARRAY = TactelArray(ROWS, COLUMNS, PITCH, PITCH)
 PEAK = line.peak_pressure(FORCE, DEPTH)
 BARE = ['--pitch', '0.001']
-TOLD = [*BARE, '--layers', 'zz@0.002']
+KNOWN = [*BARE, '--layers', 'zz@0.002']
 SHAPE = ['--shape', str(ROWS), str(COLUMNS)]
 BASELINE, GAIN = 50.0, PEAK / 600.0  # counts, Pa per count: of ten bits
 
@@ -87,49 +87,49 @@ def test_archive_array_and_table_say_the_same(run):
     np.save('flat.npy', frames.reshape(4, -1))
     np.savetxt('in.csv', frames.reshape(4, -1), delimiter=',')
     np.savetxt('head.csv', frames.reshape(4, -1), delimiter=';', comments='', header='a;b')
-    expected = run('in.npz', *TOLD)
+    expected = run('in.npz', *KNOWN)
     assert expected['valid'].all() and (expected['type'] == ContactType.LINE).all()
-    same(run('in.npy', *TOLD), expected)
-    same(run('in.npz', *TOLD, *SHAPE), expected)
+    same(run('in.npy', *KNOWN), expected)
+    same(run('in.npz', *KNOWN, *SHAPE), expected)
     for name in ('flat.npy', 'in.csv', 'head.csv'):
-        same(run(name, *TOLD, *SHAPE), expected)
+        same(run(name, *KNOWN, *SHAPE), expected)
 
 
 def test_flat_arrays_ask_for_their_shape(run):
     np.save('flat.npy', edges().reshape(4, -1))
     np.savetxt('flat.csv', edges().reshape(4, -1))
     np.save('cube.npy', edges())
-    assert '(N, rows*columns), --shape R C says' in run('flat.npy', *TOLD)
-    assert 'flat.csv: a row of 168 numbers is a frame: --shape R C' in run('flat.csv', *TOLD)
+    assert '(N, rows*columns), --shape R C says' in run('flat.npy', *KNOWN)
+    assert 'flat.csv: a row of 168 numbers is a frame: --shape R C' in run('flat.csv', *KNOWN)
     for name in ('flat.npy', 'flat.csv'):
         assert ('frames has shape (4, 168), --shape says 16 x 16 = 256 tactels'
-                in run(name, *TOLD, '--shape', '16', '16'))
-    assert '--shape says 14 x 12 = 168' in run('cube.npy', *TOLD, '--shape', '14', '12')
-    assert '--shape: value is 0, must be between 1' in run('flat.npy', *TOLD, '--shape', '0', '1')
+                in run(name, *KNOWN, '--shape', '16', '16'))
+    assert '--shape says 14 x 12 = 168' in run('cube.npy', *KNOWN, '--shape', '14', '12')
+    assert '--shape: value is 0, must be between 1' in run('flat.npy', *KNOWN, '--shape', '0', '1')
     assert '--shape is given by the calibration' in run('flat.npy', *calibrate(), *SHAPE)
 
 
 def test_integers_need_a_meaning(run):
     np.savez('in.npz', frames=counts(edges()))
     np.savetxt('in.csv', counts(edges()).reshape(4, -1), fmt='%d', delimiter=',')
-    for args in (BARE, TOLD):
+    for args in (BARE, KNOWN):
         text = run('in.npz', *args)
         assert 'in.npz: frames are counts (uint16): --calibration CAL.yaml says' in text
         assert 'save floats' in text and '--scale PA_PER_COUNT' in text
         assert 'frames are counts (int64)' in run('in.csv', *args, *SHAPE)
     tared = np.rint(edges() / GAIN).astype(np.int16)
     np.savez('in.npz', frames=tared)
-    found = run('in.npz', *TOLD, '--scale', f'{GAIN}')
+    found = run('in.npz', *KNOWN, '--scale', f'{GAIN}')
     np.savez('in.npz', frames=tared * GAIN)
-    same(found, run('in.npz', *TOLD))
+    same(found, run('in.npz', *KNOWN))
 
 
 def test_volts_with_a_scale(run):
     frames = edges()
     np.savez('in.npz', frames=frames)
-    expected = run('in.npz', *TOLD)
+    expected = run('in.npz', *KNOWN)
     np.savez('in.npz', frames=frames / 2e5)
-    found = run('in.npz', *TOLD, '--scale', '2e5')
+    found = run('in.npz', *KNOWN, '--scale', '2e5')
     for name in ('x', 'line_force'):
         np.testing.assert_allclose(found[name], expected[name], rtol=1e-9)
     assert '--scale is given by the calibration' in run('in.npz', *calibrate(), '--scale', '2')
@@ -181,8 +181,8 @@ def test_saturated_counts_are_no_dead_tactels(run):
     frames = np.minimum(counts(1.9 * edges(1)), 1023)
     assert 0 < (frames == 1023).sum() < 40
     np.savez('in.npz', frames=frames)
-    told = run('in.npz', *calibrate())['reasons']
-    assert told & Reason.SATURATED and not told & Reason.DEAD_TACTELS
+    reasons = run('in.npz', *calibrate())['reasons']
+    assert reasons & Reason.SATURATED and not reasons & Reason.DEAD_TACTELS
     source = estimate_sources.source_of(
         estimate.parse(['in.npz', *calibrate(), '-o', 'out.npz']))
     stress, layer = source.to_stress(frames, 0), source.layers[0]

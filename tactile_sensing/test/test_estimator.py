@@ -47,9 +47,9 @@ def test_line_is_at_the_cramer_rao_bound(decibels):
     frames = np.array([noisy(edge(*load), rng, noise) for load in truth])
     found = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
         frames, ARRAY, [Layer('zz', DEPTH, None, 0, noise)])
-    told = found['valid'] & (found['type'] == ContactType.LINE)
-    assert told.mean() > 0.995
-    found, truth = found[told], truth[told]
+    valid = found['valid'] & (found['type'] == ContactType.LINE)
+    assert valid.mean() > 0.995
+    found, truth = found[valid], truth[valid]
     error = np.column_stack([line_offsets(found) - truth[:, 0], found['yaw'] - truth[:, 1],
                              found['line_force'] - FORCE])
     bound = []
@@ -155,13 +155,13 @@ def test_all_directions_are_alike(degrees):
                 for n, t in zip(across, along, strict=True) if abs(t) > 1e-6]
         middle = 0.5 * (max(map(min, ends)) + min(map(max, ends)))
         assert along @ place == pytest.approx(middle, abs=2e-4)
-        told = np.array([np.cos(contact.yaw), np.sin(contact.yaw)])
+        normal = np.array([np.cos(contact.yaw), np.sin(contact.yaw)])
         np.testing.assert_allclose(
-            claimed, np.trace(claimed) * np.outer(told, told), atol=1e-6 * np.trace(claimed))
+            claimed, np.trace(claimed) * np.outer(normal, normal), atol=1e-6 * np.trace(claimed))
     assert np.sqrt(np.mean(np.square(errors))) < 1.3
 
 
-def test_saturated_tactels_are_left_out_and_said_so():
+def test_saturated_tactels_are_left_out_and_reported():
     picture = edge(0.003, 0.3)
     saturated = picture > 0.7 * picture.max()
     contact = estimate(np.where(saturated, np.nan, picture), saturated=int(saturated.sum()))
@@ -223,7 +223,7 @@ def test_what_is_taken_for_noise_hides_no_wrong_load(side):
 
 
 @pytest.mark.parametrize('method', ['fit', 'compensated'])
-def test_without_a_gain_the_place_is_told_and_no_force(method):
+def test_without_a_gain_there_is_a_place_and_no_force(method):
     """The image is in an unknown unit of 37 Pa: the place is the same within rounding."""
     picture, unit = noisy(edge(0.002, 0.2), np.random.default_rng(14)), 37.0
     one, other = (estimate(picture / scale, noise=NOISE / scale, unit=name, method=method)

@@ -119,7 +119,7 @@ def test_lost_bytes(at, missing):
 
 @pytest.mark.parametrize('first', [0, 2], ids=['at a marker', 'within a frame'])
 @pytest.mark.parametrize('offset', range(SIZE - 1))
-def test_tactels_that_hold_the_marker_are_told_by_their_noise(offset, first):
+def test_tactels_that_hold_the_marker_differ_by_their_noise(offset, first):
     pictures = []
     for k in range(MOST_PERIODS):
         counts = picture(k).ravel()

@@ -92,7 +92,7 @@ def test_a_damaged_file_of_one_array_is_refused(there, capsys):
     assert 'is not an .npy array of numbers' in refused(capsys, 'in.npy', *PLAIN)
 
 
-def test_of_a_bag_is_told_what_the_node_tells(there):
+def test_a_bag_gives_the_contacts_of_the_node(there):
     images = pictures(pressures(300), noise_std=300.0, gain_spread=0.03)
     images[2].layers[0].stress[3, 4] = np.nan
     write_bag('run', pad=images)
@@ -141,6 +141,6 @@ def test_raw_counts_of_a_bag_are_calibrated(there, capsys):
     # The bits follow from the full scale in the images; unloaded frames do not show them.
     assert calibrate.main(['--out', 'own.yaml', '--pitch', '0.001', '--unloaded', 'rest']) == 0
     assert load_calibration('own.yaml').bits == 10
-    write_bag('told', pad=pictures(pressures(2)))
+    write_bag('tared', pad=pictures(pressures(2)))
     capsys.readouterr()
-    assert 'no raw counts in the pictures' in refused(capsys, 'told', '--calibration', 'pad.yaml')
+    assert 'no raw counts in the pictures' in refused(capsys, 'tared', '--calibration', 'pad.yaml')

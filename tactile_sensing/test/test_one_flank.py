@@ -40,13 +40,13 @@ def found(offset, along_x, depth):
 @pytest.mark.parametrize('depth', [0.0, DEPTH])
 @pytest.mark.parametrize('along_x', [False, True])
 @pytest.mark.parametrize('offset', [-11.6e-3, -10.9e-3, 10.9e-3, 11.6e-3])
-def test_a_load_beside_the_rim_is_told_as_badly_as_it_is_seen(offset, along_x, depth):
+def test_the_claim_for_a_load_beside_the_rim_holds(offset, along_x, depth):
     error, claimed = found(offset, along_x, depth)
     assert len(error) >= 5 and np.abs(error / claimed).max() < 3.0
 
 
 @pytest.mark.parametrize('depth', [0.0, DEPTH])
 @pytest.mark.parametrize('along_x', [False, True])
-def test_two_flanks_tell_it_well(along_x, depth):
+def test_two_flanks_are_accurate(along_x, depth):
     error, claimed = found(1e-3, along_x, depth)
     assert len(error) == 9 and np.abs(error).max() < 1e-4 and claimed.max() < 3e-4

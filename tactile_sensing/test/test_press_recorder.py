@@ -43,10 +43,10 @@ class Sensor:
 
 
 def wizard(folder, script, answers=()):
-    asked, told, left = [], [], iter(answers)
+    asked, lines, left = [], [], iter(answers)
     recorder = Recorder(folder, ARRAY, Sensor(script).look,
-                        lambda text: asked.append(text) or next(left, ''), told.append)
-    return recorder, asked, told
+                        lambda text: asked.append(text) or next(left, ''), lines.append)
+    return recorder, asked, lines
 
 
 NOTHING = [np.zeros(ARRAY.shape)] * 40
@@ -57,10 +57,10 @@ def test_bad_presses_are_named_and_asked_for_again(tmp_path):
     two = ball(-5e-3, -5e-3) + ball(5e-3, 5e-3)
     script = [*NOTHING, *CORNER, *held(ball(0.0, 0.0)), *held(two), *held(ball(1e-3, 0.0, 3e3)),
               *held(ball(ARRAY.x[0], 0.0)), *held(ball(2e-3, 1e-3)), *held(ball(-3e-3, 2e-3))]
-    recorder, asked, told = wizard(tmp_path, script)
+    recorder, asked, lines = wizard(tmp_path, script)
     recorder.run(STEPS)
     assert [text.split(':')[0] for text in asked] == ['unloaded', 'corners', 'ball']
-    wrong = [text for text in told if 'not taken' in text]
+    wrong = [text for text in lines if 'not taken' in text]
     assert len(wrong) == 3 and all(text.endswith('press again') for text in wrong)
     assert [words in text for words, text in zip(
         ('elsewhere', 'full scale', 'border'), wrong, strict=True)] == [True] * 3
@@ -75,10 +75,10 @@ def test_an_interrupted_session_goes_on(tmp_path):
     recorder, _, _ = wizard(tmp_path, first)
     with pytest.raises(KeyboardInterrupt):
         recorder.run(STEPS)
-    recorder, asked, told = wizard(tmp_path, [*held(ball(2e-3, 0.0)), *held(ball(0.0, 3e-3))])
+    recorder, asked, lines = wizard(tmp_path, [*held(ball(2e-3, 0.0)), *held(ball(0.0, 3e-3))])
     recorder.run(STEPS)
     assert len(asked) == 1 and asked[0].startswith('ball')
-    assert told == ['unloaded: 40 frames are there', 'corners: 1 frames are there',
+    assert lines == ['unloaded: 40 frames are there', 'corners: 1 frames are there',
                     'ball: 2 of 3', 'ball: 3 of 3']
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         'ball.npz', 'corners.npz', 'unloaded.npz']
@@ -100,9 +100,9 @@ def test_a_file_is_whole_or_as_it_was(tmp_path, monkeypatch):
 
 def test_a_press_that_is_held_keeps_some_frames_which_are_one_press(tmp_path):
     script = [*NOTHING, *held(ball(0.0, 0.0)), *held(ball(1e-3, 0.0)), *held(ball(0.0, 2e-3))]
-    recorder, _, told = wizard(tmp_path, script)
+    recorder, _, lines = wizard(tmp_path, script)
     recorder.run((STEPS[0], Step('ball', 3, 'Ball.', frames=4)))
-    assert told[1:] == ['ball: 1 of 3', 'ball: 2 of 3', 'ball: 3 of 3']
+    assert lines[1:] == ['ball: 1 of 3', 'ball: 2 of 3', 'ball: 3 of 3']
     with np.load(tmp_path / 'ball.npz') as file:
         values = file['frames'] - 20.0
     values[5, 0, 0] = floor = -10.0  # hidden in one frame of the second press: no value
@@ -115,9 +115,9 @@ def test_a_press_that_is_held_keeps_some_frames_which_are_one_press(tmp_path):
 
 
 def test_what_is_skipped_is_not_there_and_presses_need_the_unloaded_pad(tmp_path):
-    recorder, asked, told = wizard(tmp_path, [], 's')
+    recorder, asked, lines = wizard(tmp_path, [], 's')
     recorder.run(STEPS)
-    assert len(asked) == 1 and told == ['corners: needs unloaded', 'ball: needs unloaded']
+    assert len(asked) == 1 and lines == ['corners: needs unloaded', 'ball: needs unloaded']
     assert not list(tmp_path.iterdir())
 
 

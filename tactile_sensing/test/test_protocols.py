@@ -217,8 +217,8 @@ def test_frames_of_another_array_are_explained(case):
     if case.options.get('first'):
         data = Case(case.name).stream(case.images(20))
     assert frames_of(decoder, data) == []
-    told = 24 + len(case.options) * (case.name == 'csv_lines' and bool(case.options['stamp']))
-    assert f' {told} ' in decoder.explain() or ' 4 rows of 6 values' in decoder.explain()
+    count = 24 + len(case.options) * (case.name == 'csv_lines' and bool(case.options['stamp']))
+    assert f' {count} ' in decoder.explain() or ' 4 rows of 6 values' in decoder.explain()
     same = case.decoder()
     frames_of(same, case.stream(case.images(20)))
     assert same.explain() == ''

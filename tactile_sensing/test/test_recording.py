@@ -43,7 +43,7 @@ def test_counts_of_another_range():
     np.testing.assert_array_equal(counts, [[[-60, 25, 511]]])
 
 
-def test_arrays_and_tables_are_told_rate_and_shape(tmp_path):
+def test_arrays_and_tables_with_rate_and_shape(tmp_path):
     np.save(tmp_path / 'f.npy', FRAMES)
     np.savetxt(tmp_path / 'f.csv', FRAMES.reshape(2, -1), delimiter=',')
     for name in ('f.npy', 'f.csv'):
@@ -57,7 +57,7 @@ def test_arrays_and_tables_are_told_rate_and_shape(tmp_path):
             load_recording(tmp_path / name, shape=shape)
 
 
-def test_tactels_that_are_never_there_are_told():
+def test_tactels_that_are_never_there():
     frames = FRAMES.astype(float)
     frames[:, 0, 1] = frames[:, 2, 3] = frames[0, 1, 1] = np.nan
     assert Recording(frames, 10.0).absent == [1, 11]

@@ -74,8 +74,8 @@ def test_unlisted_dead_tactels_are_found(presses):
     assert forced.mean() > 0.8 and np.sqrt(np.mean(off**2)) < 0.025
     loaded = np.array([np.any(d & (f > 15.0 * n)) for d, f, n in
                        zip(dead, frames, noise, strict=True)])
-    told = records['reasons'] & int(Reason.DEAD_TACTELS) > 0
-    assert told[loaded & records['valid']].mean() > 0.99
+    dead_seen = records['reasons'] & int(Reason.DEAD_TACTELS) > 0
+    assert dead_seen[loaded & records['valid']].mean() > 0.99
 
 
 def test_stuck_tactels_do_not_draw_the_point(presses):
@@ -105,7 +105,7 @@ def test_missing_and_saturated_tactels_have_no_weight(presses):
 
 @pytest.mark.parametrize('bits', [8, 16])
 @pytest.mark.parametrize('level', [0.6, 0.5, 0.4, 0.3])
-def test_clipping_that_nobody_tells_is_not_believed(presses, level, bits):
+def test_clipping_that_is_not_declared_is_not_believed(presses, level, bits):
     loads, frames, clean, noise = presses
     lsb = clean.max(axis=(1, 2)) / (200.0 if bits == 8 else 5e4)
     counts = np.rint(np.minimum(frames, level * clean.max(axis=(1, 2), keepdims=True))
@@ -171,13 +171,13 @@ def test_a_wrong_depth_costs_certainty(presses):
     _, frames, _, noise = presses
     records = found(frames, noise, depth=1.2 * DEPTH)
     assert records['valid'].mean() > 0.95
-    told = records[records['force_valid']]
-    off = np.abs(noise[records['force_valid']] * told['normal_force'] - 1.0)
-    claimed = noise[records['force_valid']] * np.sqrt(told['covariance'][:, 3, 3])
+    forced = records[records['force_valid']]
+    off = np.abs(noise[records['force_valid']] * forced['normal_force'] - 1.0)
+    claimed = noise[records['force_valid']] * np.sqrt(forced['covariance'][:, 3, 3])
     assert np.sum((off > 0.02) & (off > 5.0 * claimed)) < 0.01 * COUNT
 
 
-def test_an_extended_patch_is_told():
+def test_an_extended_patch_is_estimated():
     # A sphere's pressure, sqrt(1 - r^2) over a radius of 1 mm, as a sum of 300 points.
     rng = np.random.default_rng(15)
     radius = np.sqrt(1.0 - (1.0 - (np.arange(300) + 0.5) / 300) ** (2.0 / 3.0)) * 1e-3

@@ -116,7 +116,7 @@ def test_image_moments_skip_invalid_tactels_and_those_under_the_threshold():
     assert image_moments(image, ARRAY).m0 == pytest.approx(1010.0 * cell)
 
 
-def test_elongation_tells_an_edge_from_a_flat():
+def test_elongation_separates_an_edge_from_a_flat():
     edge = line.pressure(ARRAY.x, ARRAY.y[:, None], 0.001, 0.2, 200.0, DEPTH)
     assert image_moments(edge, ARRAY).elongation() > 6.0
     assert image_moments(np.ones(ARRAY.shape), ARRAY).elongation() == pytest.approx(1.0)

@@ -64,19 +64,8 @@ class Known:
     resolution: float = 1.0  # size of one count in the unit of the recordings
 
 
-@dataclass
-class Outcome:
-    """A calibration, and the data for its report."""
-
-    calibration: Calibration
-    left_out: dict[str, dict[int, str]]  # recording -> frame -> reason
-    presses: Presses | None
-    skin: Fit | None
-    doubts: list[str]  # reasons not to trust it
-
-
 def calibrate(recordings: Recordings, known: Known,
-              tell: Callable[[str], None] = lambda text: None) -> Outcome:
+              tell: Callable[[str], None] = lambda text: None) -> 'Procedure':
     """
     Make a calibration from recordings and known values; `tell` is called with each step's name.
 
@@ -98,7 +87,7 @@ def calibrate(recordings: Recordings, known: Known,
         raise ConfigurationError('--bits is missing: frames of the unloaded pad do not show the '
                                  'range of its converter')
     tell('range and noise')
-    procedure = _Procedure(recordings, known, tell)
+    procedure = Procedure(recordings, known, tell)
     procedure.find_range(given)
     procedure.find_order(raw_shape)
     if unloaded is None:
@@ -111,23 +100,26 @@ def calibrate(recordings: Recordings, known: Known,
         procedure.assumed.append('tactels one pitch below the surface, as no ball says it')
     if recordings.ball is not None or recordings.flat is not None:
         procedure.find_skin()
-    return procedure.outcome()
+    procedure.finish()
+    return procedure
 
 
 @dataclass
-class _Procedure:
-    """State of a calibration: the fields that are known so far."""
+class Procedure:
+    """A calibration, what it was made from, and the data for its report."""
 
     recordings: Recordings
     known: Known
     tell: Callable[[str], None]
-    values: dict[str, Any] = field(default_factory=dict)
+    values: dict[str, Any] = field(default_factory=dict)  # fields of the calibration so far
     found: dict[str, Any] = field(default_factory=dict)
     assumed: list[str] = field(default_factory=list)
-    left_out: dict[str, dict[int, str]] = field(default_factory=dict)
+    left_out: dict[str, dict[int, str]] = field(default_factory=dict)  # file -> frame -> reason
     tactels: Tactels | None = None
     presses: Presses | None = None
     skin: Fit | None = None
+    calibration: Calibration = field(init=False)
+    doubts: list[str] = field(default_factory=list)  # reasons not to trust it
 
     def find_range(self, given: list[np.ndarray]) -> None:
         """Set the range of the counts, and skin and gain if they are known."""
@@ -273,17 +265,17 @@ class _Procedure:
                 f'{row},{column}', 'does not follow the load')
         self.values['dead_tactels'] = tuple(np.flatnonzero(dead).tolist())
 
-    def outcome(self) -> Outcome:
-        """Return the calibration with reasons to doubt it."""
+    def finish(self) -> None:
+        """Set the calibration and reasons to doubt it."""
         if not self.known.gain and self.recordings.force is None:
             self.assumed.append('no force is known: only place, yaw and type can be estimated')
         self.found['assumed'] = self.assumed
-        calibration = Calibration(model='calibrated', source='calibrate', found=self.found,
-                                  **self.values)
-        why = doubts(self.skin, self.recordings.ball_radius, float(np.mean(~calibration.live)))
-        if why:
-            self.found['doubtful'] = why
-        return Outcome(calibration, self.left_out, self.presses, self.skin, why)
+        self.calibration = Calibration(
+            model='calibrated', source='calibrate', found=self.found, **self.values)
+        self.doubts = doubts(self.skin, self.recordings.ball_radius,
+                             float(np.mean(~self.calibration.live)))
+        if self.doubts:
+            self.found['doubtful'] = self.doubts
 
 
 def order_of(corners: np.ndarray) -> tuple[tuple, tuple, bool]:

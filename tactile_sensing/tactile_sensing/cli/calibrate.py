@@ -11,7 +11,7 @@ from tactile_common.command_line import between, FAILED, Parser, refusing
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays
 from tactile_common.progress import Progress
-from tactile_sensing.calibration.procedure import calibrate, Known, Outcome, Recordings
+from tactile_sensing.calibration.procedure import calibrate, Known, Procedure, Recordings
 from tactile_sensing.calibration.recorder import Recorder
 from tactile_sensing.calibration.report import draw_report, verdict
 from tactile_sensing.cli.options import (
@@ -21,10 +21,9 @@ from tactile_sensing.cli.options import (
     counts_reader,
     is_bag,
     opened,
-    pitch_of,
     read_counts,
 )
-from tactile_sensing.devices.calibration import RESOLUTION, save_calibration
+from tactile_sensing.devices.calibration import pitch_pair, RESOLUTION, save_calibration
 from tactile_sensing.devices.counts import MAX_BITS
 from tactile_sensing.types.array import PITCH, TactelArray
 
@@ -123,7 +122,7 @@ def record(options: argparse.Namespace) -> None:
             answer = input(text)
             sensor.forget()
             return answer
-        (rows, columns), (pitch_x, pitch_y) = options.shape, pitch_of(options)
+        (rows, columns), (pitch_x, pitch_y) = options.shape, pitch_pair(options.pitch)
         array = TactelArray(rows, columns, pitch_x, pitch_y)
         try:
             Recorder(Path(options.live), array, look, ask, print).run()
@@ -175,11 +174,11 @@ def read_known(options: argparse.Namespace) -> Known:
         raise ConfigurationError('--thickness needs --depth')
     same = ('bits', 'threshold', 'saturation', 'depth', 'thickness', 'poisson', 'gain', 'tactel',
             'resolution')
-    return Known(pitch_of(options), signed=options.signed and options.signed == 'yes',
+    return Known(pitch_pair(options.pitch), signed=options.signed and options.signed == 'yes',
                  **{name: getattr(options, name) for name in same})
 
 
-def describe(outcome: Outcome) -> list[str]:
+def describe(outcome: Procedure) -> list[str]:
     """Return lines that list what was found, excluded and assumed."""
     calibration = outcome.calibration
     found = calibration.found

@@ -16,12 +16,11 @@ from tactile_sensing.cli.options import (
     counts_reader,
     in_counts,
     is_bag,
-    pitch_of,
     read_counts,
 )
 from tactile_sensing.contact.estimator import ContactEstimator
-from tactile_sensing.devices.calibration import Calibration, load_calibration
-from tactile_sensing.devices.recording import CHUNK, frame_reader
+from tactile_sensing.devices.calibration import Calibration, load_calibration, pitch_pair
+from tactile_sensing.devices.recording import CHUNK, FrameReader
 from tactile_sensing.devices.tare import TareRefusedError
 from tactile_sensing.types.array import PITCH, TactelArray
 from tactile_sensing.types.contact import COLUMNS, Contact, REALS, RECORD, STAMPED
@@ -115,12 +114,16 @@ def parse_layers(text: str) -> tuple[tuple[str, float], ...]:
 
 def _plain(options: argparse.Namespace) -> Frames:
     """Return frames of stress from a sensor that the options describe."""
-    reader = frame_reader(options.frames, options.shape and tuple(options.shape))
+    reader = FrameReader(options.frames, options.shape and tuple(options.shape))
+    if reader.dtype.kind != 'f' and options.scale is None:
+        raise ConfigurationError(
+            f'{options.frames}: frames are counts ({reader.dtype}): --calibration CAL.yaml says '
+            'what a count means; or subtract the unloaded image and save floats, or, if that is '
+            'done, give --scale PA_PER_COUNT')
     # A depth of 0 means an unknown skin; then there are no forces.
     unit = 'Pa' if options.layers is not None else 'counts'
     layers = (('zz', 0.0),) if options.layers is None else parse_layers(options.layers)
-    pitch_x, pitch_y = pitch_of(options)
-    _check_frames(options, reader)
+    pitch_x, pitch_y = pitch_pair(options.pitch)
     there = 1 if len(reader.shape) == 3 else reader.shape[1]
     if there != len(layers):
         raise ConfigurationError(
@@ -132,26 +135,6 @@ def _plain(options: argparse.Namespace) -> Frames:
         [Layer(*layer, np.empty(0), unit=unit, noise_std=options.noise or 0.0)
          for layer in layers],
         lambda frames, first: scale * frames.astype(np.float64))
-
-
-def _check_frames(options: argparse.Namespace, reader: Any) -> None:
-    """Refuse an array without frames, or frames of unknown shape or unit."""
-    path, shape, dtype = options.frames, reader.shape, reader.dtype
-    if len(shape) == 2 and 0 not in shape:
-        raise ConfigurationError(
-            f'{path}: frames has shape {shape}, must be (N, rows, columns); where a frame lies '
-            'flat, (N, rows*columns), --shape R C says how many rows and columns it has')
-    if len(shape) not in (3, 4) or 0 in shape:
-        raise ConfigurationError(
-            f'{path}: frames has shape {shape}, must be (N, rows, columns) or (N, layers, rows, '
-            'columns), none of them 0')
-    if dtype.kind not in 'uif':
-        raise ConfigurationError(f'{path}: frames is of type {dtype}, must be of real numbers')
-    if dtype.kind != 'f' and options.scale is None:
-        raise ConfigurationError(
-            f'{path}: frames are counts ({dtype}): --calibration CAL.yaml says what a count '
-            'means; or subtract the unloaded picture and save floats, or, if that is done, give '
-            '--scale PA_PER_COUNT')
 
 
 def _calibrated(options: argparse.Namespace) -> Frames:

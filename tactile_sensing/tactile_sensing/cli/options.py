@@ -8,7 +8,7 @@ import numpy as np
 
 from tactile_common.command_line import between, reading_bags
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.devices.recording import frame_reader, read_whole, Shape
+from tactile_sensing.devices.recording import FrameReader, read_whole, Shape
 from tactile_sensing.devices.registry import options_of, PROTOCOLS
 from tactile_sensing.devices.stream import open_sensor, SensorStream
 from tactile_sensing.types.array import PITCH
@@ -22,13 +22,6 @@ def add_pitch(arguments: argparse.ArgumentParser, required: bool = False) -> Non
     arguments.add_argument('--pitch', nargs='+', metavar='M', required=required,
                            type=between(*PITCH, 'm'),
                            help='distance between tactels, or along x and along y [m]')
-
-
-def pitch_of(options: argparse.Namespace) -> tuple[float, float]:
-    """Return the pitch along x and along y [m]."""
-    if len(options.pitch) > 2:
-        raise ConfigurationError(f'--pitch takes one length or two, not {len(options.pitch)}')
-    return options.pitch[0], options.pitch[-1]
 
 
 def add_shape(arguments: argparse.ArgumentParser, required: bool = False) -> None:
@@ -73,7 +66,7 @@ def counts_reader(path: str, shape: Shape | None = None, namespace: str | None =
     """
     Return a reader of frames in counts, (N, rows, columns).
 
-    It is a `frame_reader`, or RecordedCounts for a bag, which has the same `shape` and `chunks`.
+    It is a FrameReader, or RecordedCounts for a bag, which has the same `shape` and `chunks`.
     Raises a ConfigurationError if the frames do not have the given shape; `source` names its
     origin.
     """
@@ -82,14 +75,11 @@ def counts_reader(path: str, shape: Shape | None = None, namespace: str | None =
             from tactile_sensing.observations import RecordedCounts
         reader: Any = RecordedCounts(path, namespace)
     else:
-        reader = frame_reader(path, shape, source)
+        reader = FrameReader(path, shape, source)
     there = reader.shape
-    if len(there) != 3 or 0 in there or (shape is not None and there[1:] != shape):
+    if len(there) != 3 or (shape is not None and there[1:] != shape):
         wanted = f'{shape[0]}, {shape[1]}) as {source} says' if shape else 'rows, columns)'
-        raise ConfigurationError(
-            f'{path}: frames has shape {there}, must be (N, {wanted}, none of them 0')
-    if reader.dtype.kind not in 'uif':
-        raise ConfigurationError(f'{path}: frames is of type {reader.dtype}, must be of counts')
+        raise ConfigurationError(f'{path}: frames has shape {there}, must be (N, {wanted}')
     return reader
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from tactile_common.command_line import between, Parser, run_command
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import MAX_WHOLE
-from tactile_sensing.cli.options import add_pitch, add_sensor, add_shape, opened, pitch_of
+from tactile_sensing.cli.options import add_pitch, add_sensor, add_shape, opened
+from tactile_sensing.devices.calibration import pitch_pair
 from tactile_sensing.devices.frame_clock import SensorImage
 
 SHADES = ' .:-=+*#%@'
@@ -83,7 +84,7 @@ def run(options: argparse.Namespace) -> str:
         raise ConfigurationError(f'{options.file}: must end in .npz')
     if options.file and not (folder := Path(options.file).resolve().parent).is_dir():
         raise ConfigurationError(f'{options.file}: folder {folder} does not exist')
-    pitch_x, pitch_y = pitch_of(options) if options.pitch else (0.0, 0.0)
+    pitch_x, pitch_y = pitch_pair(options.pitch) if options.pitch else (0.0, 0.0)
     with opened(options) as sensor:
         if not options.file:
             look(sensor)

@@ -282,11 +282,11 @@ class Calibration:
 
 def pitch_pair(pitch: Any) -> tuple[Any, Any]:
     """Return the pitch along x and along y, given one length or two [m]."""
-    if isinstance(pitch, (list, tuple)):
-        if len(pitch) != 2:
-            raise ConfigurationError(f'pitch is {pitch!r}, must be one length or two [m]')
-        return tuple(pitch)
-    return pitch, pitch
+    if not isinstance(pitch, (list, tuple)):
+        return pitch, pitch
+    if len(pitch) not in (1, 2):
+        raise ConfigurationError(f'pitch is {pitch!r}, must be one length or two [m]')
+    return pitch[0], pitch[-1]
 
 
 _FIELDS = [item for item in fields(Calibration) if item.name not in ('array', 'source')]

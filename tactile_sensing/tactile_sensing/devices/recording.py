@@ -24,45 +24,44 @@ CHUNK = 1024  # frames
 Shape = tuple[int, int]
 
 
-class _Unfolded:
-    """Reader that converts flat frames (N, rows * columns) to (N, rows, columns)."""
+class FrameReader:
+    """
+    Frames in a file; their `shape` is (N, rows, columns) or (N, layers, rows, columns).
 
-    def __init__(self, reader: Any, shape: Shape):
-        self._reader, self.dtype = reader, reader.dtype
-        self.shape = reader.shape[0], *shape
+    The file is an `.npz` archive with `frames`, an `.npy` array, or a `.csv` file with one frame
+    per row. If `shape` (rows, columns) is given, flat frames (N, rows * columns) are converted to
+    (N, rows, columns). `source` names the origin of the shape in messages. Raises a
+    ConfigurationError if the file cannot be read, or has other frames.
+    """
+
+    def __init__(self, path: str | PathLike, shape: Shape | None = None, source: str = '--shape'):
+        table = Path(path).suffix == '.csv'
+        self._reader: Any = TableReader(path) if table else ArrayReader(path, 'frames')
+        there, self.dtype = self._reader.shape, self._reader.dtype
+        self.shape = there
+        if shape and len(there) == 2 and there[1] == math.prod(shape):
+            self.shape = there[0], *shape
+        elif shape and (len(there) == 2 or there[-2:] != shape):
+            raise ConfigurationError(
+                f'{path}: frames has shape {there}, {source} says {shape[0]} x {shape[1]} = '
+                f'{math.prod(shape)} tactels')
+        elif table:
+            raise ConfigurationError(
+                f'{path}: a row of {there[1]} numbers is a frame: --shape R C says of how many '
+                'rows and columns')
+        if len(self.shape) not in (3, 4) or 0 in there:
+            flat = '; of flat frames, (N, rows*columns), --shape R C says rows and columns'
+            raise ConfigurationError(
+                f'{path}: frames has shape {there}, must be (N, rows, columns) or (N, layers, '
+                'rows, columns), none of them 0' + flat * (len(there) == 2))
+        if self.dtype.kind not in 'uif':
+            raise ConfigurationError(
+                f'{path}: frames is of type {self.dtype}, must be of real numbers')
 
     def chunks(self, rows: int) -> Iterator[np.ndarray]:
         """Yield the frames in order, `rows` at a time; the last chunk may be smaller."""
         for part in self._reader.chunks(rows):
             yield part.reshape(len(part), *self.shape[1:])
-
-
-def frame_reader(path: str | PathLike, shape: Shape | None = None,
-                 source: str = '--shape') -> Any:
-    """
-    Return a reader of the frames in a file; it has the `shape` and `chunks` of an ArrayReader.
-
-    The file is an `.npz` archive with `frames`, an `.npy` array, or a `.csv` file with one frame
-    per row. If `shape` (rows, columns) is given, flat frames (N, rows * columns) are converted to
-    (N, rows, columns). `source` names the origin of the shape in messages. Raises a
-    ConfigurationError if the file cannot be read or has another shape.
-    """
-    table = Path(path).suffix == '.csv'
-    reader: Any = TableReader(path) if table else ArrayReader(path, 'frames')
-    there = reader.shape
-    if shape is None:
-        if table:
-            raise ConfigurationError(
-                f'{path}: a row of {there[1]} numbers is a frame: --shape R C says of how many '
-                'rows and columns')
-        return reader
-    if len(there) == 2 and there[1] == math.prod(shape):
-        return _Unfolded(reader, shape)
-    if len(there) == 2 or there[-2:] != shape:
-        raise ConfigurationError(
-            f'{path}: frames has shape {there}, {source} says {shape[0]} x {shape[1]} = '
-            f'{math.prod(shape)} tactels')
-    return reader
 
 
 def read_whole(path: str | PathLike, reader: Any) -> np.ndarray:
@@ -80,20 +79,17 @@ class Recording:
     """
     Frames of one sensor, evenly spaced in time.
 
-    Raises a ConfigurationError if a shape, type or value is impossible.
+    Raises a ConfigurationError if the shape, rate or pitch is impossible.
     """
 
-    frames: np.ndarray  # in the recorder's unit, shape (N, rows, columns), N >= 1; NaN = no tactel
+    frames: np.ndarray  # in the recorder's unit, shape (N, rows, columns); NaN = no tactel
     rate_hz: float  # frames per second [Hz]
     pitch: float | None = None  # distance between tactels [m]; None = unknown
 
     def __post_init__(self) -> None:
-        frames = self.frames
-        if frames.ndim != 3 or 0 in frames.shape:
+        if self.frames.ndim != 3:
             raise ConfigurationError(
-                f'frames has shape {frames.shape}, must be (N, rows, columns), none of them 0')
-        if frames.dtype.kind not in 'uif':
-            raise ConfigurationError(f'frames is of type {frames.dtype}, must be of real numbers')
+                f'frames has shape {self.frames.shape}, must be (N, rows, columns)')
         if not 0.0 < self.rate_hz <= MAX_RATE:  # NaN fails as well
             raise ConfigurationError(
                 f'rate_hz is {self.rate_hz}, must be above 0 and at most {MAX_RATE:g} Hz')
@@ -133,7 +129,7 @@ def load_recording(path: str | PathLike, rate_hz: float | None = None,
     missing or impossible.
     """
     try:
-        frames = read_whole(path, frame_reader(path, shape))
+        frames = read_whole(path, FrameReader(path, shape))
         arrays = {} if Path(path).suffix in ('.npy', '.csv') else read_arrays(
             path, (), ('rate_hz', 'pitch_m'))
         if rate_hz is None and 'rate_hz' not in arrays:
