@@ -21,7 +21,7 @@ from benchmarks.contact.fe_frames import DEPTH, profiles
 from benchmarks.contact.real_skin import ARRAYS, drawn, estimates, judge, rendered
 from benchmarks.edge import runs
 from benchmarks.harness import Steps, table
-from tactile_sensing.calibration.procedure import calibrate, Known, Recordings
+from tactile_sensing.calibration.procedure import calibrate, Known
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.devices.calibration import save_calibration
 from tactile_sensing.types.array import TactelArray
@@ -91,11 +91,12 @@ def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=
                 np.repeat(share, held) * profile['force'])
     unloaded = converter(np.zeros((100, *array.shape)), rng)
     frames, force = pressed(presses, 8e-3)
-    recordings = Recordings(
-        unloaded=unloaded, ball=frames, force=force, ball_radius=float(profile['radius']),
-        flat=pressed(flat, WIDE)[0] if flat else None)
-    return calibrate(recordings, Known((array.pitch_x, array.pitch_y), bits=converter.bits,
-                                       signed=converter.signed, poisson=poisson)).calibration
+    recordings = {'unloaded': unloaded, 'ball': frames}
+    if flat:
+        recordings['flat'] = pressed(flat, WIDE)[0]
+    return calibrate(recordings, Known(
+        (array.pitch_x, array.pitch_y), bits=converter.bits, signed=converter.signed,
+        poisson=poisson, force=force, ball_radius=float(profile['radius']))).calibration
 
 
 def estimated(calibration, counts, **config):
@@ -300,10 +301,9 @@ def pressed(scene, seed):
     """Calibrate a scene's sensor in the same way as `press_ball` and `calibrate`."""
     press = BallPress(scene, BALL, FORCE, seed)
     unloaded, ball, flat = press.unloaded(100), press.frames(20), press.frames(40)
-    recordings = Recordings(unloaded=unloaded, ball=ball, ball_radius=BALL, flat=flat,
-                            force=np.full(len(ball), FORCE))
-    return calibrate(
-        recordings, Known((scene.sensor.pitch_x, scene.sensor.pitch_y))).calibration
+    return calibrate({'unloaded': unloaded, 'ball': ball, 'flat': flat}, Known(
+        (scene.sensor.pitch_x, scene.sensor.pitch_y), ball_radius=BALL,
+        force=np.full(len(ball), FORCE))).calibration
 
 
 def scaled(found, highest, skin):

@@ -20,7 +20,7 @@ from tactile_msgs.msg import TactileImage
 from tactile_sensing.conversions import image_to_msg
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.frame_clock import FrameClock
-from tactile_sensing.devices.pad import Pad
+from tactile_sensing.devices.image_converter import ImageConverter
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 from tactile_sensing.devices.stream import SensorStream
 
@@ -42,7 +42,7 @@ def packets_of(protocol, shape, rate):
 
 def publisher_of(node, shape, rate):
     """Return a function that publishes a frame of a pad, as the driver does."""
-    pad = Pad(Calibration.uncalibrated(*shape, 1e-3, nominal_rate=rate))
+    pad = ImageConverter(Calibration.uncalibrated(*shape, 1e-3, nominal_rate=rate))
     message, topic = TactileImage(), node.create_publisher(
         TactileImage, 'image', qos_profile_sensor_data)
     return lambda image: topic.publish(image_to_msg(

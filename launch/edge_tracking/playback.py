@@ -18,7 +18,7 @@ from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.conversions import contact_to_msg, image_to_msg, sensor_info_to_msg
 from tactile_sensing.devices.calibration import Calibration, load_calibration
 from tactile_sensing.devices.counts import Counts, MAX_BITS
-from tactile_sensing.devices.pad import Pad
+from tactile_sensing.devices.image_converter import ImageConverter
 from tactile_sensing.devices.recording import Recording
 
 MAX_OFFSET = 0.1  # summed offset of unloaded tactels, as a share of the largest load
@@ -90,7 +90,7 @@ def record_frames(recording: Recording, calibration: Calibration, bag: Path,
     counts, _ = recording.counts(calibration.counts, calibration.resolution)
     estimator = ContactEstimator(ParameterFile(parameters).config(
         f'/{NAMESPACE}/contact_estimator', EstimatorConfig))
-    pad, begin = Pad(calibration), time.time_ns()
+    pad, begin = ImageConverter(calibration), time.time_ns()
     writer = BagWriter(bag, topics(NAMESPACE))
     writer.write(names['sensor_info'], begin, packed(sensor_info_to_msg(
         calibration.sensor_info(SENSOR, FRAME, begin, None, 0))))

@@ -75,14 +75,14 @@ class RecordedImages:
             self.total = bag.count(self._topic)
         first = next(self._read(), None)
         if first is None:
-            raise ConfigurationError(f'bag {path}: no picture on {self._topic}')
+            raise ConfigurationError(f'bag {path}: no image on {self._topic}')
         self.array, self.layer = first.array, first.layers[0]
 
     def __iter__(self) -> Iterator[TactileImage]:
         for image in self._read():
             if image.array != self.array:
                 raise ConfigurationError(
-                    f'bag {self._path}: pictures on {self._topic} are of {self.array} and of '
+                    f'bag {self._path}: images on {self._topic} are of {self.array} and of '
                     f'{image.array}')
             yield image
 
@@ -128,7 +128,7 @@ def _raw_counts(image: TactileImage) -> np.ndarray:
     layer = image.layers[0]
     if layer.unit != 'counts' or image.tared:
         raise ConfigurationError(
-            'no raw counts in the pictures: start the driver with tare_at_start:=false and a '
+            'no raw counts in the images: start the driver with tare_at_start:=false and a '
             'calibration of `rows`, `columns`, `pitch`, `bits`, `unit: counts` and `gain: 1` '
             'alone')
     return np.where(np.isnan(layer.stress), layer.full_scale, layer.stress)

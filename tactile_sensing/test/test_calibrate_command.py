@@ -8,7 +8,7 @@ import pytest
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.calibration.likelihood import expected_forces
 from tactile_sensing.calibration.procedure import order_of
-from tactile_sensing.calibration.unloaded import range_of, survey
+from tactile_sensing.calibration.survey import range_of, survey
 from tactile_sensing.cli import calibrate, estimate
 from tactile_sensing.devices.calibration import Calibration, load_calibration
 from tactile_sensing.devices.counts import Counts

@@ -20,7 +20,7 @@ from tactile_common.ros.conversions import stamp_to_ns
 from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.flexitac import encode_payload, MARKER
-from tactile_sensing.devices.pad import TARE_FRAMES
+from tactile_sensing.devices.image_converter import TARE_FRAMES
 from tactile_sensing.nodes.driver import DriverNode
 
 SHAPE = (4, 5)

@@ -121,7 +121,7 @@ def test_a_sensor_of_several_is_named(there, capsys):
 def test_arrays_that_differ_are_refused(there, capsys):
     other = TactelArray(4, 4, 1e-3, 1e-3)
     write_bag('run', pad=pictures(pressures(2)) + pictures(np.zeros((1, 4, 4)), array=other))
-    assert 'pictures on /pad/image are of' in refused(capsys, 'run')
+    assert 'images on /pad/image are of' in refused(capsys, 'run')
 
 
 def test_raw_counts_of_a_bag_are_calibrated(there, capsys):
@@ -143,4 +143,4 @@ def test_raw_counts_of_a_bag_are_calibrated(there, capsys):
     assert load_calibration('own.yaml').bits == 10
     write_bag('tared', pad=pictures(pressures(2)))
     capsys.readouterr()
-    assert 'no raw counts in the pictures' in refused(capsys, 'tared', '--calibration', 'pad.yaml')
+    assert 'no raw counts in the images' in refused(capsys, 'tared', '--calibration', 'pad.yaml')

@@ -1,6 +1,6 @@
 """Make a calibration from recordings of raw counts, with every step that they allow."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 import math
 from typing import Any
@@ -11,8 +11,8 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.calibration.likelihood import ASSUMED_POISSON, POISSON_STD, UNLIKE
 from tactile_sensing.calibration.presses import Presses, sort_presses
 from tactile_sensing.calibration.report import doubts
-from tactile_sensing.calibration.skin_fit import Fit, fit_presses
-from tactile_sensing.calibration.unloaded import range_of, survey, Tactels
+from tactile_sensing.calibration.skin_fit import fit_presses, SkinFit
+from tactile_sensing.calibration.survey import range_of, survey, Tactels
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.tare import MIN_TARE_FRAMES, QUANTISATION
 from tactile_sensing.types.array import TactelArray
@@ -24,27 +24,6 @@ UNPRESSED = 0.03  # tactels far from a press read less than this share of its pe
 DEAD_LINE = 0.25
 # Pairs of corners, in the order of pressing, in the first and last row, and column, of the image.
 CORNERS = (([0, 1], [2, 3]), ([0, 3], [1, 2]))
-
-
-@dataclass
-class Recordings:
-    """
-    Recorded frames, shape (N, raw rows, raw columns), in counts; None: not recorded.
-
-    Lengths are in m, forces in N.
-    """
-
-    unloaded: np.ndarray | None = None
-    corners: np.ndarray | None = None
-    rolling: np.ndarray | None = None
-    ball: np.ndarray | None = None
-    ball_radius: float = 0.0
-    force: np.ndarray | None = None  # (N,): of the frames of `ball`; or one for all
-    flat: np.ndarray | None = None
-
-    def given(self, *names: str) -> list[np.ndarray]:
-        """Return the recordings of these names that exist."""
-        return [frames for name in names if (frames := getattr(self, name)) is not None]
 
 
 @dataclass
@@ -62,43 +41,46 @@ class Known:
     gain: float = 0.0  # [Pa/count]
     tactel: str = 'area'
     resolution: float = 1.0  # size of one count in the unit of the recordings
+    ball_radius: float = 0.0  # [m]
+    force: np.ndarray | None = None  # (N,): of the frames of `ball`; or one for all [N]
 
 
-def calibrate(recordings: Recordings, known: Known,
+def calibrate(recordings: Mapping[str, np.ndarray], known: Known,
               tell: Callable[[str], None] = lambda text: None) -> 'Procedure':
     """
     Make a calibration from recordings and known values; `tell` is called with each step's name.
+
+    The recordings are `unloaded`, `corners`, `rolling`, `ball` and `flat`, each optional: frames
+    (N, raw rows, raw columns) in counts.
 
     Raises
     ------
     ConfigurationError
         If recordings contradict each other or are not sufficient.
     """
-    unloaded, loaded = recordings.unloaded, recordings.given('ball', 'flat', 'corners', 'rolling')
-    given = [*recordings.given('unloaded'), *loaded]
-    if not given:
+    if not recordings:
         raise ConfigurationError('no recordings: give at least one of --unloaded, --ball, --flat')
-    raw_shape = given[0].shape[1:]
-    for frames in given:
+    raw_shape = next(iter(recordings.values())).shape[1:]
+    for frames in recordings.values():
         if frames.shape[1:] != raw_shape:
             raise ConfigurationError(f'recordings have frames of {raw_shape[0]} x {raw_shape[1]} '
                                      f'and of {frames.shape[1]} x {frames.shape[2]} tactels')
-    if known.bits is None and not loaded:
+    if known.bits is None and recordings.keys() == {'unloaded'}:
         raise ConfigurationError('--bits is missing: frames of the unloaded pad do not show the '
                                  'range of its converter')
     tell('range and noise')
     procedure = Procedure(recordings, known, tell)
-    procedure.find_range(given)
+    procedure.find_range()
     procedure.find_order(raw_shape)
-    if unloaded is None:
+    if 'unloaded' in recordings:
+        procedure.survey_unloaded(recordings['unloaded'])
+    else:
         procedure.assumed.append(
             'a baseline of 0 and a noise of one count: no frames without load')
         procedure.values['noise'] = 1.0
-    else:
-        procedure.survey_unloaded(unloaded)
     if not known.depth:
         procedure.assumed.append('tactels one pitch below the surface, as no ball says it')
-    if recordings.ball is not None or recordings.flat is not None:
+    if 'ball' in recordings or 'flat' in recordings:
         procedure.find_skin()
     procedure.finish()
     return procedure
@@ -108,7 +90,7 @@ def calibrate(recordings: Recordings, known: Known,
 class Procedure:
     """A calibration, what it was made from, and the data for its report."""
 
-    recordings: Recordings
+    recordings: Mapping[str, np.ndarray]
     known: Known
     tell: Callable[[str], None]
     values: dict[str, Any] = field(default_factory=dict)  # fields of the calibration so far
@@ -117,14 +99,15 @@ class Procedure:
     left_out: dict[str, dict[int, str]] = field(default_factory=dict)  # file -> frame -> reason
     tactels: Tactels | None = None
     presses: Presses | None = None
-    skin: Fit | None = None
+    skin: SkinFit | None = None
     calibration: Calibration = field(init=False)
     doubts: list[str] = field(default_factory=list)  # reasons not to trust it
 
-    def find_range(self, given: list[np.ndarray]) -> None:
+    def find_range(self) -> None:
         """Set the range of the counts, and skin and gain if they are known."""
         known = self.known
-        counts, self.assumed = range_of(given, known.bits, known.signed, known.threshold)
+        counts, self.assumed = range_of(
+            list(self.recordings.values()), known.bits, known.signed, known.threshold)
         self.values = {
             'bits': counts.bits, 'signed': counts.signed, 'threshold': counts.threshold,
             'saturation': known.saturation or counts.saturation, 'tactel': known.tactel,
@@ -135,14 +118,14 @@ class Procedure:
 
     def find_order(self, raw_shape: tuple[int, ...]) -> None:
         """Set order and size of the image."""
-        corners, transposed = self.recordings.corners, False
+        corners, transposed = self.recordings.get('corners'), False
         if corners is None:
             self.assumed.append('rows and columns as they come')
         elif len(corners) != 4:
             raise ConfigurationError(f'corners: {len(corners)} frames, must be 4: of the first '
                                      'row and column, then round by the first row')
         else:
-            unloaded = self.recordings.unloaded
+            unloaded = self.recordings.get('unloaded')
             base = 0.0 if unloaded is None else np.median(unloaded, axis=0)
             row_order, column_order, transposed = order_of(corners - base)
             self.found['order'] = ('turned or mirrored by corners'
@@ -161,7 +144,8 @@ class Procedure:
         draft = Calibration(**self.values)
         # Without the corners: a finger there may miss the tactels.
         self.tactels = tactels = survey(draft.arrange(unloaded), draft.counts, [
-            draft.arrange(it) for it in self.recordings.given('ball', 'flat', 'rolling')])
+            draft.arrange(self.recordings[name]) for name in ('ball', 'flat', 'rolling')
+            if name in self.recordings])
         self.found['unloaded'] = {
             'frames': len(unloaded), 'noise': _short(np.sqrt(np.mean(tactels.noise**2))),
             'step': tactels.step,
@@ -176,24 +160,24 @@ class Procedure:
     def find_skin(self) -> None:
         """Set skin, gain and flat field from presses of the ball."""
         recordings, known = self.recordings, self.known
-        if not recordings.ball_radius > 0.0:
+        if not known.ball_radius > 0.0:
             raise ConfigurationError('--ball-radius is missing')
         draft = Calibration(**self.values)
-        names = [name for name in ('ball', 'flat') if getattr(recordings, name) is not None]
+        names = [name for name in ('ball', 'flat') if name in recordings]
         presses, *more = (self._sorted(name, k, draft) for k, name in enumerate(names))
         for other in more:
             presses = presses.joined(other)
         offset_std = np.maximum(draft.noise, QUANTISATION**0.5)
-        if recordings.unloaded is None:
-            _check_unloaded(presses)
+        if 'unloaded' in recordings:
+            offset_std = offset_std / len(recordings['unloaded'])**0.5
         else:
-            offset_std = offset_std / len(recordings.unloaded)**0.5
-        forced = recordings.force is not None and recordings.ball is not None
+            _check_unloaded(presses)
+        forced = known.force is not None and 'ball' in recordings
         given = draft.layer().skin if known.depth else None
 
-        def fit(chosen: np.ndarray) -> Fit:
+        def fit(chosen: np.ndarray) -> SkinFit:
             self.tell(f'skin and gains from {chosen.sum()} presses')
-            return fit_presses(presses.only(chosen), recordings.ball_radius,
+            return fit_presses(presses.only(chosen), known.ball_radius,
                                area=known.tactel == 'area', known=given, poisson=known.poisson,
                                offset_std=offset_std)
         chosen = np.ones(len(presses), bool)
@@ -221,8 +205,8 @@ class Procedure:
 
     def _sorted(self, name: str, source: int, draft: Calibration) -> Presses:
         """Return the frames of a recording that show a usable press."""
-        frames, count = getattr(self.recordings, name), len(getattr(self.recordings, name))
-        known = self.recordings.force if name == 'ball' else None
+        frames, count = self.recordings[name], len(self.recordings[name])
+        known = self.known.force if name == 'ball' else None
         force = np.broadcast_to(1.0 if known is None else known, count)
         arranged = draft.arrange(np.asarray(frames, dtype=np.float64))
         full = draft.full(arranged)
@@ -240,7 +224,7 @@ class Procedure:
                 f'{len(good)} different ones, at least {FEWEST_PRESSES} are needed ({why})')
         return good
 
-    def _use(self, fit: Fit, given: Skin | None, dead: np.ndarray) -> None:
+    def _use(self, fit: SkinFit, given: Skin | None, dead: np.ndarray) -> None:
         """Set the fields of the calibration that follow from the fit."""
         count, known, found = int(fit.groups[-1]) + 1, self.known, self.found
         self.values |= {'gain_spread': float(fit.left), 'gain': (known.gain or 1.0) * fit.gain}
@@ -267,12 +251,12 @@ class Procedure:
 
     def finish(self) -> None:
         """Set the calibration and reasons to doubt it."""
-        if not self.known.gain and self.recordings.force is None:
+        if not self.known.gain and self.known.force is None:
             self.assumed.append('no force is known: only place, yaw and type can be estimated')
         self.found['assumed'] = self.assumed
         self.calibration = Calibration(
             model='calibrated', source='calibrate', found=self.found, **self.values)
-        self.doubts = doubts(self.skin, self.recordings.ball_radius,
+        self.doubts = doubts(self.skin, self.known.ball_radius,
                              float(np.mean(~self.calibration.live)))
         if self.doubts:
             self.found['doubtful'] = self.doubts

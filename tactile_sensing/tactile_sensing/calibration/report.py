@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from tactile_sensing.calibration.presses import Presses
-from tactile_sensing.calibration.skin_fit import Fit
+from tactile_sensing.calibration.skin_fit import SkinFit
 from tactile_sensing.devices.calibration import Calibration
 
 MOST_DEAD = 0.1  # largest usual share of dead tactels
@@ -17,7 +17,7 @@ MOST_SPREAD = 0.3  # largest usual relative standard deviation of the gains
 FEW_PRESSES = 8  # with fewer presses, their consistency cannot be judged
 
 
-def doubts(fit: Fit | None, ball_radius: float, dead: float) -> list[str]:
+def doubts(fit: SkinFit | None, ball_radius: float, dead: float) -> list[str]:
     """
     Return reasons not to trust a calibration: a wrong ball or pitch, a broken pad, few presses.
 
@@ -46,7 +46,7 @@ def doubts(fit: Fit | None, ball_radius: float, dead: float) -> list[str]:
     return found
 
 
-def verdict(calibration: Calibration, fit: Fit | None) -> str:
+def verdict(calibration: Calibration, fit: SkinFit | None) -> str:
     """Return the accuracy of force, depth and thickness, and the dead tactels, in one line."""
     parts = []
     if calibration.unit == 'Pa' and fit is not None:
@@ -79,7 +79,7 @@ def named(some: np.ndarray) -> str:
                       *(f'column {k}' for k in np.flatnonzero(columns))])
 
 
-def draw_report(calibration: Calibration, presses: Presses | None, fit: Fit | None,
+def draw_report(calibration: Calibration, presses: Presses | None, fit: SkinFit | None,
                 path: str | Path) -> None:
     """Draw noise, gains, and what the fit leaves of the presses, into a picture file."""
     import matplotlib

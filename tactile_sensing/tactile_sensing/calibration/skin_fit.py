@@ -20,7 +20,7 @@ from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.skin import Skin
 
 DEPTHS = (0.35, 0.6, 1.0, 1.5, 2.2, 3.2)  # pitches at which the search for the depth begins
-RATIOS = (0.35, 0.8)  # likewise depth over thickness
+RATIOS = (0.35, 0.8)  # likewise depth over thickness; one start alone misses some backings
 EVIDENCE = 4.0  # the skin has a backing if this decreases chi-square by at least this amount
 BARE = 4.0  # prior odds of no backing against a backing
 EXACT = 1e-6  # standard deviation of a known offset [counts]
@@ -28,7 +28,7 @@ SLANT = 0.3  # yaw of the edge, through the middle of the pad, for the error of 
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class SkinFit:
     """Skin and gains that were fitted to presses, with their standard deviations."""
 
     skin: Skin
@@ -55,7 +55,7 @@ class Fit:
 
 def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
                 known: Skin | None = None, poisson: float | None = None,
-                offset_std: np.ndarray | float = EXACT) -> Fit:
+                offset_std: np.ndarray | float = EXACT) -> SkinFit:
     """
     Fit skin and gains to presses of a ball.
 
@@ -118,7 +118,7 @@ def _start(problem: Likelihood) -> np.ndarray:
 
 
 def _result(problem: Likelihood, unknowns: Unknowns,
-            unseen: np.ndarray | float = 0.0) -> Fit:
+            unseen: np.ndarray | float = 0.0) -> SkinFit:
     system = problem.system(unknowns)
     inverse = np.linalg.inv(system.matrix)
     at, unknowns = problem.residuals(system.unknowns)
@@ -144,7 +144,7 @@ def _result(problem: Likelihood, unknowns: Unknowns,
     by_press = np.sqrt((by_reading**2 * (left**2 + problem.scatter**2) * model**2).sum(axis=1))
     off = np.where(live, rest**2 / at.variance, 0.0)
     shape, gain = problem.presses.array.shape, unknowns.gain
-    return Fit(
+    return SkinFit(
         skin=skin, depth_std=0.0 if problem.known[0] == FIXED else skin.depth * std[0],
         thickness_std=thickness_std,
         poisson_std=math.inf if skin.is_half_space or problem.known[2] == FIXED else std[2],

@@ -1,6 +1,7 @@
 """Command `calibrate`: make a calibration file from recordings of raw counts."""
 
 import argparse
+from dataclasses import fields, replace
 from pathlib import Path
 import sys
 from typing import Any
@@ -11,7 +12,7 @@ from tactile_common.command_line import between, FAILED, Parser, refusing
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays
 from tactile_common.progress import Progress
-from tactile_sensing.calibration.procedure import calibrate, Known, Procedure, Recordings
+from tactile_sensing.calibration.procedure import calibrate, Known, Procedure
 from tactile_sensing.calibration.recorder import Recorder
 from tactile_sensing.calibration.report import draw_report, verdict
 from tactile_sensing.cli.options import (
@@ -79,7 +80,7 @@ def parser() -> argparse.ArgumentParser:
     for name, text in RECORDED.items():
         add(f'--{name}', metavar='FILE', help=f'frames {text}')
     metres, count = between(*PITCH, 'm'), between(-32768, 65536, kind=int)
-    add('--ball-radius', metavar='M', type=metres, help='of the ball [m]')
+    add('--ball-radius', metavar='M', type=metres, default=0.0, help='of the ball [m]')
     add('--force', metavar='N', type=between(1e-6, 1e6, 'N'),
         help='with which the ball was pressed, each time [N]')
     add('--depth', metavar='M', type=metres, default=0.0,
@@ -135,25 +136,9 @@ def record(options: argparse.Namespace) -> None:
             setattr(options, name, str(path))
 
 
-def read_recordings(options: argparse.Namespace) -> Recordings:
+def read_recordings(options: argparse.Namespace) -> dict[str, np.ndarray]:
     """Read the files of the options; set missing options for the counts from a bag."""
-    recordings = Recordings(ball_radius=options.ball_radius or 0.0)
-    for name in RECORDED:
-        if path := getattr(options, name):
-            setattr(recordings, name, _read(path, options))
-    if options.force is not None:
-        if not options.ball:
-            raise ConfigurationError('--force needs --ball')
-        recordings.force = np.array(options.force)
-    elif recordings.ball is not None and Path(options.ball).suffix == '.npz':
-        force = read_arrays(options.ball, (), ('force',)).get('force')
-        if force is not None:
-            count = len(recordings.ball)
-            if force.size not in (1, count) or not (np.isfinite(force) & (force > 0.0)).all():
-                raise ConfigurationError(f'{options.ball}: force must be one number or {count}, '
-                                         'above 0 N')
-            recordings.force = force.ravel()
-    return recordings
+    return {name: _read(path, options) for name in RECORDED if (path := getattr(options, name))}
 
 
 def _read(path: str, options: argparse.Namespace) -> np.ndarray:
@@ -169,13 +154,29 @@ def _read(path: str, options: argparse.Namespace) -> np.ndarray:
 
 
 def read_known(options: argparse.Namespace) -> Known:
-    """Return the known values of the sensor from the options."""
+    """Return the known values of sensor and ball from the options, without the forces."""
     if options.thickness and not options.depth:
         raise ConfigurationError('--thickness needs --depth')
-    same = ('bits', 'threshold', 'saturation', 'depth', 'thickness', 'poisson', 'gain', 'tactel',
-            'resolution')
+    same = {item.name for item in fields(Known)} - {'pitch', 'signed', 'force'}
     return Known(pitch_pair(options.pitch), signed=options.signed and options.signed == 'yes',
                  **{name: getattr(options, name) for name in same})
+
+
+def read_force(options: argparse.Namespace, frames: int) -> np.ndarray | None:
+    """Return the force of all presses of the ball, or of each frame [N]; None: unknown."""
+    if options.force is not None and not options.ball:
+        raise ConfigurationError('--force needs --ball')
+    if options.force is not None:
+        return np.array(options.force)
+    if not options.ball or Path(options.ball).suffix != '.npz':
+        return None
+    force = read_arrays(options.ball, (), ('force',)).get('force')
+    if force is None:
+        return None
+    if force.size not in (1, frames) or not (np.isfinite(force) & (force > 0.0)).all():
+        raise ConfigurationError(
+            f'{options.ball}: force must be one number or {frames}, above 0 N')
+    return force.ravel()
 
 
 def describe(outcome: Procedure) -> list[str]:
@@ -206,12 +207,14 @@ def run(options: argparse.Namespace) -> bool:
     if options.live:
         record(options)
     recordings = read_recordings(options)
+    force = read_force(options, len(recordings.get('ball', ())))
+    known = replace(read_known(options), force=force)
     folder = Path(options.out).resolve().parent
     if not folder.is_dir():
         raise ConfigurationError(f'{options.out}: folder {folder} does not exist')
     with Progress(STEPS, 1.0) as progress:
         done = iter(range(1, STEPS + 1))
-        outcome = calibrate(recordings, read_known(options), lambda text: progress.show(
+        outcome = calibrate(recordings, known, lambda text: progress.show(
             next(done, STEPS), 'calibrate', text))
         if options.report:
             progress.show(STEPS, 'report')

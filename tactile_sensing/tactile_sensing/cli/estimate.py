@@ -55,7 +55,7 @@ Output arrays, SI units; NaN where a type does not have a value, in every real n
 that is not valid, and in its forces and patch where force_valid is false:
 {arrays}
 and of a BAG
-  t                (N,)      float64  s    stamp of the picture
+  t                (N,)      float64  s    stamp of the image
 
 In a .csv file, each is a column after the number of the frame; of the covariance, the upper
 triangle: covariance_0_0, covariance_0_1, ..., covariance_6_6.

@@ -22,7 +22,7 @@ from tactile_msgs.msg import SensorInfo as SensorInfoMsg
 from tactile_msgs.msg import TactileImage as TactileImageMsg
 from tactile_sensing.conversions import image_to_msg, sensor_info_to_msg
 from tactile_sensing.devices.calibration import Calibration, load_calibration
-from tactile_sensing.devices.pad import Pad
+from tactile_sensing.devices.image_converter import ImageConverter
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 from tactile_sensing.devices.stream import SensorStream
 from tactile_sensing.devices.tare import Tare, TareRefusedError
@@ -104,7 +104,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         calibration = self._given or load_calibration(path or os.path.join(
             get_package_share_directory('tactile_sensing'), 'config', protocol.calibration))
         protocol.decoder(*calibration.raw_shape, calibration.counts.dtype, **self._options)
-        self._pad = Pad(calibration, config.tare_at_start, config.track_drift)
+        self._converter = ImageConverter(calibration, config.tare_at_start, config.track_drift)
         self._delay_ns = round(calibration.acquisition_delay * 1e9)
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
@@ -118,7 +118,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Start to read the sensor and to publish."""
-        calibration = self._pad.calibration
+        calibration = self._converter.calibration
         self._publish_info()
         if self._config.topic:
             self.source = ImageTopic(
@@ -172,19 +172,19 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             stream.close()
 
     def _on_port(self, text: str, gone: bool) -> None:
-        self._pad.forget()
+        self._converter.forget()
         self._log(DiagnosticStatus.WARN if gone else DiagnosticStatus.OK, text)
 
     def _on_counts(self, counts: np.ndarray, arrival_ns: int, sequence: int) -> None:
         if counts.dtype.kind == 'f':
-            counts = counts / self._pad.calibration.resolution
-        image = self._pad.image(counts, max(arrival_ns - self._delay_ns, 0), sequence)
+            counts = counts / self._converter.calibration.resolution
+        image = self._converter.image(counts, max(arrival_ns - self._delay_ns, 0), sequence)
         image.frame_id, image.sensor = self._config.frame_id, self._config.sensor
         self._images.publish(image_to_msg(image, self._image_msg))
-        if self._pad.due():
-            first = self._pad.tare is None
+        if self._converter.due():
+            first = self._converter.tare is None
             try:
-                tare = self._pad.take_tare(anew=False)
+                tare = self._converter.take_tare(anew=False)
             except TareRefusedError:
                 return
             if first:
@@ -195,15 +195,15 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         self.get_logger().info(f'tared, noise {tare.noise_std:.2f} counts')
 
     def _publish_info(self) -> None:
-        now_ns, tare = self.get_clock().now().nanoseconds, self._pad.tare
-        self._infos.publish(sensor_info_to_msg(self._pad.calibration.sensor_info(
+        now_ns, tare = self.get_clock().now().nanoseconds, self._converter.tare
+        self._infos.publish(sensor_info_to_msg(self._converter.calibration.sensor_info(
             self._config.sensor, self._config.frame_id, now_ns, tare, now_ns if tare else 0)))
 
     def _on_tare(self, _: Any, response: Any) -> Any:
         # The recent images are used: waiting for new ones in a callback would block a
         # single-threaded executor.
         try:
-            tare = self._pad.take_tare()
+            tare = self._converter.take_tare()
         except TareRefusedError as error:
             response.message = str(error)
             return response
@@ -212,14 +212,14 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         return response
 
     def _on_diagnose(self) -> None:
-        source, pad, now = self.source, self._pad, time.monotonic()
+        source, converter, now = self.source, self._converter, time.monotonic()
         counters = source.counters() if source is not None else {}
         (since, before), self._reported = self._reported, (now, counters)
         new = {name: value - before.get(name, 0) for name, value in counters.items()
                if isinstance(value, int)}
         level, text = next(item for item in self._states(new) if item[1])
         shown = level, text
-        if self.starting and pad.tare is None:
+        if self.starting and converter.tare is None:
             shown = DiagnosticStatus.OK, f'starting: {text}'
         # The loss of the port is not logged again.
         if shown != self._shown and not (counters.get('connections') and source.fault == text):
@@ -227,8 +227,9 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         self._shown = shown
         rate = max(new.get('frames', 0), 0) / (now - since)
         self.diagnose(level, text, {
-            'rate': f'{rate:.1f}', **counters, 'saturated_tactels': pad.saturated,
-            'dead_tactels': int((~pad.calibration.live).sum()), 'tared': pad.tare is not None,
+            'rate': f'{rate:.1f}', **counters, 'saturated_tactels': converter.saturated,
+            'dead_tactels': int((~converter.calibration.live).sum()),
+            'tared': converter.tare is not None,
         }, name=self._config.sensor, hardware_id=self._config.port or self._config.topic)
 
     def _states(self, new: dict[str, int]) -> Iterator[tuple[bytes, str]]:
@@ -239,17 +240,17 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         the servo continues, but the operator should check. OK: otherwise.
         """
         error, warn = DiagnosticStatus.ERROR, DiagnosticStatus.WARN
-        pad, source = self._pad, self.source
-        counts = pad.calibration.counts
+        converter, source = self._converter, self.source
+        counts = converter.calibration.counts
         yield warn, '' if source is not None else 'not active'
         yield error, 'the reader has stopped' * (
             self._thread is not None and not self._thread.is_alive())
         yield error, source.trouble()
-        yield warn, pad.impossible * (
+        yield warn, converter.impossible * (
             f'counts outside {counts.lowest} to {counts.highest} arrive, which `bits: '
             f'{counts.bits}` of the calibration excludes: set `bits` and `signed` there')
-        pad.impossible = False
-        yield warn, f'not tared: {pad.refusal}' if pad.tare is None else ''
+        converter.impossible = False
+        yield warn, f'not tared: {converter.refusal}' if converter.tare is None else ''
         for name, reason in (
                 ('thinned_frames', 'images come too fast: more than 6 times the nominal_rate of '
                  'the calibration'),

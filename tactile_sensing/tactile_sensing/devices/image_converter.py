@@ -13,7 +13,7 @@ TARE_FRAMES = 50  # averaged by a tare: a seventh of the noise of a frame
 STALE = 1.0  # older frames do not show the present pad, and make no tare [s]
 
 
-class Pad:
+class ImageConverter:
     """
     Convert frames to images, tare, and follow the drift of the unloaded pad; thread-safe.
 
