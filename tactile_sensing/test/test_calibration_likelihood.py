@@ -72,7 +72,7 @@ def test_gains_are_found_as_well_as_claimed_and_dead_rows_are_found():
 
 def test_a_ramp_of_one_press_is_one_press():
     presses, _, _ = pressed(Skin(2e-3), np.random.default_rng(5), count=1, frames=8)
-    fit = fit_presses(presses, BALL)
+    fit = fit_presses(presses, BALL, known=Skin(2e-3))
     assert fit.groups[-1] == 0
     assert any('only 1 presses' in text for text in doubts(fit, BALL, 0.0))
 

@@ -53,7 +53,7 @@ def over_claims(found, truth):
 @pytest.mark.parametrize('kind', FORCES)
 def test_gains_that_differ(kind, spread, known):
     rng = np.random.default_rng(31)
-    truth, frames = presses(kind, rng, 2000)
+    truth, frames = presses(kind, rng, 1000)
     noise = 0.01 * frames.max()
     frames *= 1.0 + spread * rng.standard_normal(frames.shape)
     found = estimates(
@@ -143,3 +143,47 @@ def test_a_second_contact_that_one_tactel_shows_is_no_dead_tactel():
     found = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
     assert found['valid'].mean() < 0.01
     assert (found['reasons'] & int(Reason.TWO_CONTACTS) > 0).mean() > 0.95
+
+
+# A saturating load near the rim shows only one flank; the claimed error must include that.
+NOISE = 0.01
+HALF = 2.5e-3  # m, of the patch of a cylinder (Hertz)
+
+
+def cylinders(offset, along_x):
+    """Return images of a cylinder on a half-space, full scale 1, peak 2; and their yaws."""
+    across = HALF * np.linspace(-0.95, 0.95, 39)
+    shares = np.sqrt(1.0 - (across / HALF)**2)
+    yaws = np.radians(np.linspace(-2.0, 2.0, 9)) + 0.5 * np.pi * along_x
+    images = np.array([sum(
+        share * line.pressure(ARRAY.x[None, :], ARRAY.y[:, None], offset + aside, yaw, 1.0, DEPTH)
+        for aside, share in zip(across, shares, strict=True)) for yaw in yaws])
+    images *= 2.0 / images.max(axis=(1, 2), keepdims=True)
+    noise = np.random.default_rng(0).normal(0.0, NOISE, images.shape)
+    return np.minimum(images + noise, 1.0), yaws
+
+
+def found_cylinders(offset, along_x, depth):
+    """Return errors and claims (N,) across the line [m], of valid estimates."""
+    images, yaws = cylinders(offset, along_x)
+    records = ContactEstimator().estimate_batch(images, ARRAY, [Layer(
+        'zz', depth, np.empty(0), full_scale=1.0, noise_std=NOISE)])
+    normal = np.stack([np.cos(yaws), np.sin(yaws)], axis=-1)
+    error = records['x'] * normal[:, 0] + records['y'] * normal[:, 1] - offset
+    variance = np.einsum('ni,nij,nj->n', normal, records['covariance'][:, :2, :2], normal)
+    return error[records['valid']], np.sqrt(variance[records['valid']])
+
+
+@pytest.mark.parametrize('depth', [0.0, DEPTH])
+@pytest.mark.parametrize('along_x', [False, True])
+@pytest.mark.parametrize('offset', [-11.6e-3, -10.9e-3, 10.9e-3, 11.6e-3])
+def test_the_claim_for_a_load_beside_the_rim_holds(offset, along_x, depth):
+    error, claimed = found_cylinders(offset, along_x, depth)
+    assert len(error) >= 5 and np.abs(error / claimed).max() < 3.0
+
+
+@pytest.mark.parametrize('depth', [0.0, DEPTH])
+@pytest.mark.parametrize('along_x', [False, True])
+def test_two_flanks_are_accurate(along_x, depth):
+    error, claimed = found_cylinders(1e-3, along_x, depth)
+    assert len(error) == 9 and np.abs(error).max() < 1e-4 and claimed.max() < 3e-4

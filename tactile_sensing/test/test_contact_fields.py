@@ -58,12 +58,12 @@ def test_the_offset_of_a_line_is_the_same_wherever_its_point_is():
                                 yaw=yaw).offset)
 
 
-@pytest.mark.parametrize('name', [name for name in RECORD.names if name not in ('type', 'valid')])
-def test_a_record_and_a_contact_say_the_same(name):
+def test_a_record_and_a_contact_say_the_same():
     picture = line.pressure(ARRAY.x, ARRAY.y[:, None], 1e-3, 0.2, 200.0, 2e-3, 60.0)
     layer = Layer('zz', 2e-3, picture, 0.0, 500.0)
     contact = ContactEstimator().estimate(TactileImage(0, 0, (layer,), ARRAY, tared=True))
     [record] = ContactEstimator().estimate_batch(picture[None], ARRAY, [layer])
-    assert contact.valid and record['valid'] and contact.type == record['type']
-    value = getattr(contact, name)
-    np.testing.assert_array_equal(astuple(value) if name == 'moments' else value, record[name])
+    assert contact.valid and record['valid']
+    for name in RECORD.names:
+        value = getattr(contact, name)
+        np.testing.assert_array_equal(astuple(value) if name == 'moments' else value, record[name])

@@ -106,14 +106,14 @@ def test_a_device_that_restarts_is_asked_again(plug, monkeypatch):
     assert array.sent >= 30  # it is counted after it is sent
 
 
-def test_fifty_unplugs(plug, caplog):
+def test_unplugs(plug, caplog):
     """Recovers within two seconds without leaking threads or descriptors; one line per change."""
     array, waits = plug('csv_lines'), []
     caplog.set_level(logging.INFO, 'tactile_sensing')
     with open_sensor(str(array.link), rows=4, columns=6, rate=RATE) as sensor:
         next(sensor)
         threads, files = threading.active_count(), len(os.listdir('/proc/self/fd'))
-        for _ in range(50):
+        for _ in range(15):
             array.unplug()
             while not sensor.fault:
                 sensor.read()
@@ -124,11 +124,11 @@ def test_fifty_unplugs(plug, caplog):
             waits.append(time.monotonic() - begin)
         assert (threading.active_count(), len(os.listdir('/proc/self/fd'))) == (threads, files)
     assert max(waits) < 2.0
-    assert sensor.connections == 51
+    assert sensor.connections == 16
     lines = [record.getMessage() for record in caplog.records]
-    assert len([line for line in lines if line.startswith('reading')]) == 51
+    assert len([line for line in lines if line.startswith('reading')]) == 16
     lost = [line for line in lines if 'is lost' in line]
-    assert len(lost) == 50 and len(lines) == 101
+    assert len(lost) == 15 and len(lines) == 31
 
 
 def test_attempts_are_spaced_out_to_a_bound(tmp_path, monkeypatch):

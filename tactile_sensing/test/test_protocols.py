@@ -1,6 +1,9 @@
 """Requirements for all byte protocols of the table."""
 import os
+from pathlib import Path
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -68,14 +71,14 @@ def counts_of(frames):
 
 
 def test_what_is_encoded_is_decoded_wherever_it_is_split(case):
-    counts = case.images(6)
+    counts = case.images(3)
     data = case.stream(counts)
     for split in range(len(data) + 1):
         decoder = case.decoder()
         frames = frames_of(decoder, data[:split]) + frames_of(decoder, data[split:])
         np.testing.assert_array_equal([frame.counts for frame in frames], counts)
-        assert [frame.sequence for frame in frames] == list(range(6))
-        assert (decoder.frames, decoder.dropped_bytes, decoder.locked) == (6, 0, True)
+        assert [frame.sequence for frame in frames] == [0, 1, 2]
+        assert (decoder.frames, decoder.dropped_bytes, decoder.locked) == (3, 0, True)
 
 
 @pytest.mark.parametrize('kind', [np.uint8, np.uint16, np.int16])
@@ -343,3 +346,45 @@ def test_options_that_are_wrong(name, text, reason):
 def test_an_unknown_protocol_is_refused_by_name():
     with pytest.raises(ConfigurationError, match='morse.*flexitac'):
         protocol_named('morse')
+
+
+# Another package adds a protocol by an entry point.
+EXAMPLE = Path(__file__).parent / 'example_protocol'
+PROGRAM = """
+import numpy as np
+from tactile_sensing.devices.registry import protocol_named, PROTOCOLS
+from tactile_sensing.nodes.driver import DriverConfig
+assert PROTOCOLS[-1] == 'hex_lines' and 'flexitac' in PROTOCOLS
+row = protocol_named('hex_lines')
+DriverConfig(port='x', protocol='hex_lines')
+decoder, device = row.decoder(2, 3), row.device()
+counts = np.arange(6, dtype=np.uint8).reshape(2, 3)
+decoder.receive_data(device.preamble + device.encode(counts))
+print(decoder.next_frame().counts.tolist())
+"""
+
+
+@pytest.fixture(scope='module')
+def installed(tmp_path_factory):
+    """Provide the entry points and modules of the example, as if it were installed."""
+    folder = tmp_path_factory.mktemp('installed')
+    subprocess.run([sys.executable, 'setup.py', '-q', 'egg_info', '--egg-base', str(folder)],
+                   cwd=EXAMPLE, check=True, capture_output=True)
+    return [str(folder), str(EXAMPLE)]
+
+
+def run(program, paths):
+    return subprocess.run(
+        [sys.executable, '-c', program], text=True, capture_output=True, check=False,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join([*paths, os.environ['PYTHONPATH']])})
+
+
+def test_its_protocol_is_in_the_table(installed):
+    done = run(PROGRAM, installed)
+    assert done.stdout == '[[0, 1, 2], [3, 4, 5]]\n', done.stderr
+
+
+def test_one_that_cannot_be_loaded_is_named(installed):
+    program = "from tactile_sensing.devices import registry as r; r.protocol_named('hex_lines')"
+    done = run(program, installed[:1])
+    assert 'ConfigurationError: protocol hex_lines cannot be loaded: No module' in done.stderr
