@@ -1,8 +1,7 @@
 """The command `replay`."""
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import contextmanager
 from dataclasses import replace
 from importlib.util import find_spec
 import json
@@ -11,7 +10,6 @@ from multiprocessing import get_context
 from pathlib import Path
 from shutil import rmtree
 import sys
-from typing import Any
 
 from edge_tracking.replay.comparison import TOLERANCE
 from edge_tracking.replay.one import describe, Options, replay_one, RESULT
@@ -48,8 +46,6 @@ def parser() -> argparse.ArgumentParser:
     add('--namespace', help='of the sensor in a bag that has several')
     add('--jobs', type=between(1, 1000, kind=int), default=1, metavar='N',
         help='of many bags, replay as many at a time; those done before in OUT are skipped')
-    add('--dask', default='', metavar='ADDRESS',
-        help='of many bags, replay them on a cluster that sees the same files')
     return arguments
 
 
@@ -76,34 +72,11 @@ def bags_in(paths: Sequence[str]) -> list[Path]:
     """Find recordings: the given ones, and all inside folders that are not recordings."""
     found: list[Path] = []
     for path in map(Path, paths):
-        if not path.is_dir() or (path / 'metadata.yaml').exists():
-            found.append(path)
-            continue
-        files = sorted({*path.rglob('*.mcap'), *path.rglob('*.db3')})
+        files = [*path.rglob('*.mcap'), *path.rglob('*.db3')] if path.is_dir() else []
         # A folder with metadata is one recording; otherwise each file is one.
-        inside = [file.parent if (file.parent / 'metadata.yaml').exists() else file
-                  for file in files]
-        found += dict.fromkeys(inside) or [path]
+        found += sorted({file.parent if (file.parent / 'metadata.yaml').exists() else file
+                         for file in files}) or [path]
     return found
-
-
-@contextmanager
-def pool_of(jobs: int, dask: str) -> Iterator[Any]:
-    """Yield an object with `submit`: a pool of processes, or a cluster."""
-    if not dask:
-        pool = ProcessPoolExecutor(jobs, mp_context=get_context('spawn'))
-        try:
-            yield pool
-        finally:
-            pool.shutdown(cancel_futures=True)
-        return
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise ConfigurationError('--dask: needs dask.distributed: pip install distributed') \
-            from error
-    with Client(dask) as client:
-        yield client
 
 
 def replay_apart(bag: Path, options: Options) -> tuple[int, str]:
@@ -143,17 +116,21 @@ def main(args: list[str] | None = None) -> int:
     with refusing('replay') as command:
         given = parser().parse_args(args)
         options, bags = options_of(given), bags_in(given.bags)
-        if len(bags) == 1 and not given.dask:
+        if len(bags) == 1:
             compile_kernels()
             result = replay_one(bags[0], options)
             print(describe(result), file=sys.stderr)
             command.status = result.status
             return command.status
-        with pool_of(given.jobs, given.dask) as pool, Progress(len(bags)) as progress:
+        pool = ProcessPoolExecutor(given.jobs, mp_context=get_context('spawn'))
+        try:
             rows = [(bag, pool.submit(replay_apart, bag, options)) for bag in bags]
-            for done, (bag, replayed) in enumerate(rows, 1):
-                status, text = _ended(replayed)
-                print(f'{status}  {bag}  {text}')
-                progress.show(done, 'replay', f'{done} of {len(bags)} bags')
-                command.status = max(command.status, status)
+            with Progress(len(bags)) as progress:
+                for done, (bag, replayed) in enumerate(rows, 1):
+                    status, text = _ended(replayed)
+                    print(f'{status}  {bag}  {text}')
+                    progress.show(done, 'replay', f'{done} of {len(bags)} bags')
+                    command.status = max(command.status, status)
+        finally:
+            pool.shutdown(cancel_futures=True)
     return command.status

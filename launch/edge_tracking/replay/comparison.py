@@ -1,4 +1,5 @@
 """Comparison of recorded and replayed messages: which fields differ, by how much, and when."""
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, is_dataclass
 import math
@@ -18,7 +19,6 @@ COMPARED: dict[str, tuple[str, ...]] = {
 # topics are not differences.
 SKIPPED = ('contact', 'wrench', 'surface_patch')
 FIRST = 10  # differences that are listed
-WAIT = 5 * NS  # time to wait for the other message of a pair
 
 
 class Encoded(NamedTuple):
@@ -36,9 +36,16 @@ class Tally:
     compared: int = 0
     begin: float = math.inf  # stamps of the first and the last pair
     end: float = -math.inf
-    only: list[int] = field(default_factory=lambda: [0, 0])  # recorded, replayed
+    # Messages without a partner by their stamps: recorded, replayed.
+    waiting: tuple[dict[int, Encoded], dict[int, Encoded]] = field(
+        default_factory=lambda: ({}, {}))
     differing: int = 0
     fields: dict[str, tuple[int, float]] = field(default_factory=dict)  # count and largest
+
+    @property
+    def only(self) -> list[int]:
+        """Number of messages of each side without a partner, between the first and last pair."""
+        return [sum(self.begin < abs(stamp) < self.end for stamp in side) for side in self.waiting]
 
 
 class Comparison:
@@ -52,48 +59,32 @@ class Comparison:
 
     def __init__(self, tolerances: dict[str, float]):
         self._tolerances = tolerances
-        self._waiting: tuple[dict, dict] = ({}, {})
-        self._unstamped: dict[tuple[str, int], int] = {}
+        self._unstamped: Counter[tuple[str, int]] = Counter()
         self.topics: dict[str, Tally] = {}
         self.first: list[str] = []
 
-    def take(self, side: int, topic: str, message: Encoded, now_ns: int) -> None:
+    def take(self, side: int, topic: str, message: Encoded) -> None:
         """Add a message of a side; it is compared when its partner is there."""
-        stamp = message.stamp_ns
+        tally, stamp = self.topics.setdefault(topic, Tally()), message.stamp_ns
         if not stamp:  # a window that begins on reception has no stamp
-            stamp = -1 - self._unstamped.get((topic, side), 0)
-            self._unstamped[topic, side] = -stamp
-        other, _ = self._waiting[1 - side].pop((topic, stamp), (None, 0))
+            self._unstamped[topic, side] += 1
+            stamp = -self._unstamped[topic, side]
+        other = tally.waiting[1 - side].pop(stamp, None)
         if other is None:
-            self._waiting[side][topic, stamp] = message, now_ns
+            tally.waiting[side][stamp] = message
         else:
             self._compare(topic, stamp, *((other, message) if side else (message, other)))
-        self._give_up(now_ns - WAIT)
-
-    def _give_up(self, before_ns: float) -> None:
-        for side, waiting in enumerate(self._waiting):
-            while waiting:
-                (topic, stamp), (_, came_ns) = next(iter(waiting.items()))
-                if came_ns >= before_ns:
-                    break
-                del waiting[topic, stamp]
-                tally = self.topics.setdefault(topic, Tally())
-                tally.only[side] += tally.begin < abs(stamp) < tally.end
-
-    def finish(self) -> None:
-        """Process the messages without a partner after the last message."""
-        self._give_up(math.inf)
 
     def _compare(self, topic: str, stamp: int, before: Encoded, after: Encoded) -> None:
-        tally = self.topics.setdefault(topic, Tally())
+        tally = self.topics[topic]
         tally.compared += 1
         tally.begin, tally.end = min(tally.begin, abs(stamp)), max(tally.end, abs(stamp))
         if before.data == after.data:
             return
         differs = False
-        for name, one, other in unequal(before.decode(), after.decode(), COMPARED[topic]):
+        for name, one, other in unequal(before.decode(), after.decode()):
             size = distance(one, other)
-            if size <= self._tolerance(topic, name):
+            if name.split('.')[0] in COMPARED[topic] or size <= self._tolerance(topic, name):
                 continue
             differs = True
             count, most = tally.fields.get(name, (0, 0.0))
@@ -112,45 +103,41 @@ class Comparison:
     @property
     def equal(self) -> bool:
         """True if something was compared and nothing differs."""
+        counts = [(topic, it.differing, *it.only) for topic, it in self.topics.items()]
         return any(it.compared for it in self.topics.values()) and not any(
-            it.differing or it.only[0] or (it.only[1] and topic not in SKIPPED)
-            for topic, it in self.topics.items())
+            differing or recorded or (replayed and topic not in SKIPPED)
+            for topic, differing, recorded, replayed in counts)
 
     def table(self) -> str:
         """Return a short table of the compared topics, and the first differences."""
         lines = ['topic               compared  differ  only recorded  only replayed']
         for topic, it in self.topics.items():
-            lines.append(f'{topic:18} {it.compared:9} {it.differing:7} {it.only[0]:14} '
-                         f'{it.only[1]:14}')
+            recorded, replayed = it.only
+            lines.append(f'{topic:18} {it.compared:9} {it.differing:7} {recorded:14} '
+                         f'{replayed:14}')
             lines += [f'  {name}: {count} differ, by {most:.3g} at most'
                       for name, (count, most) in sorted(
                           it.fields.items(), key=lambda item: -item[1][0])[:5]]
         return '\n'.join([*lines, *self.first])
 
 
-def unequal(one: Any, other: Any, without: tuple[str, ...] = ()) -> Iterator[tuple[str, Any, Any]]:
+def unequal(one: Any, other: Any, name: str = '') -> Iterator[tuple[str, Any, Any]]:
     """
     Yield names and values of the fields in which two messages of one type differ.
 
-    Fields in `without` are skipped. If a field is missing in the other version of the type, its
-    value is None.
+    If a field is missing in the other version of the type, its value is None.
     """
-    for name in one.__dataclass_fields__:
-        if name in without or name.startswith('__'):
-            continue
-        x, y = getattr(one, name), getattr(other, name, None)
-        if is_dataclass(x):
-            parts = [(name, x, y)]
-        elif isinstance(x, list) and isinstance(y, list) and len(x) == len(y) and x and (
-                is_dataclass(x[0])):
-            parts = [(f'{name}[{k}]', *pair) for k, pair in enumerate(zip(x, y, strict=True))]
-        else:
-            if distance(x, y):
-                yield name, x, y
-            continue
-        for place, before, after in parts:
-            for below, *values in unequal(before, after):
-                yield f'{place}.{below}', *values
+    if is_dataclass(one):
+        for key in one.__dataclass_fields__:
+            if not key.startswith('__'):
+                yield from unequal(getattr(one, key), getattr(other, key, None),
+                                   f'{name}.{key}' if name else key)
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other) and one and (
+            is_dataclass(one[0])):
+        for k, pair in enumerate(zip(one, other, strict=True)):
+            yield from unequal(*pair, f'{name}[{k}]')
+    elif distance(one, other):
+        yield name, one, other
 
 
 def distance(one: Any, other: Any) -> float:

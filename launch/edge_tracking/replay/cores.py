@@ -51,34 +51,6 @@ _KINDS = {int(Call.SENSOR): 'sensor_info', int(Call.JOINTS): 'joint_states',
           int(Call.IMAGE): 'image', int(Call.CONTACT): 'contact'}
 
 
-class Inputs:
-    """Recorded inputs by the stamps with which the servo's calls refer to them."""
-
-    def __init__(self) -> None:
-        self._kept: dict[str, dict[int, Any]] = {name: {} for name in _KINDS.values()}
-        self._begun: set[str] = set()
-        self.lost: Counter[str] = Counter()
-
-    def keep(self, name: str, stamp_ns: int, value: Any) -> None:
-        """Keep an input until it is used, or many newer ones have arrived."""
-        kept = self._kept[name]
-        kept[stamp_ns] = value
-        if len(kept) > WAITING:
-            del kept[next(iter(kept))]
-
-    def find(self, name: str, stamp_ns: int) -> Any:
-        """Return the input with a stamp [ns] and drop earlier ones; None if not recorded."""
-        kept = self._kept[name]
-        if stamp_ns not in kept:
-            if name in self._begun:  # otherwise it was before the recording
-                self.lost[name] += 1
-            return None
-        self._begun.add(name)
-        while (first := next(iter(kept))) != stamp_ns:
-            del kept[first]
-        return kept[stamp_ns]
-
-
 @dataclass
 class Cycle:
     """A control cycle: its time and the decision of the servo."""
@@ -91,13 +63,22 @@ class Cycle:
 
 
 class ServoCore:
-    """A servo that repeats its recorded calls; the shape estimator gets its poses and touches."""
+    """
+    A servo that repeats its recorded calls; the shape estimator gets its poses and touches.
 
-    def __init__(self, settings: Settings, inputs: Inputs, shape: ShapeTopics, output: Output):
+    Attributes
+    ----------
+    lost : Counter
+        By topic, number of inputs that the servo used and that were not recorded.
+    lost_calls : int
+        Number of calls that were not recorded.
+    """
+
+    def __init__(self, settings: Settings, shape: ShapeTopics, output: Output):
         c, config = settings.config(SERVO, NodeConfig), settings.config(SERVO, ServoConfig)
         law = law_named(c.law)
         self._model, limits, box = robot_of(c)
-        self._settings, self._inputs, self._shape, self._output = settings, inputs, shape, output
+        self._settings, self._shape, self._output = settings, shape, output
         self.servo = Supervisor(self._model, limits, law.law(
             config, settings.config(SERVO, law.law.config_type)), config, box)
         self.joint_names = self._model.joint_names
@@ -108,7 +89,29 @@ class ServoCore:
         self._cycle: Cycle | None = None
         self._news: Any = None  # last state and reason
         self._due = 0  # number of the next call
-        self.lost_calls = 0
+        self.lost_calls, self.lost = 0, Counter[str]()
+        # Recorded inputs by the stamps with which the calls refer to them [ns].
+        self._kept: dict[str, dict[int, Any]] = {name: {} for name in _KINDS.values()}
+        self._begun: set[str] = set()  # topics of which an input was used
+
+    def keep(self, name: str, stamp_ns: int, value: Any) -> None:
+        """Keep an input until it is used, or many newer ones have arrived."""
+        kept = self._kept[name]
+        kept[stamp_ns] = value
+        if len(kept) > WAITING:
+            del kept[next(iter(kept))]
+
+    def _find(self, name: str, stamp_ns: int) -> Any:
+        """Return the input with a stamp [ns] and drop earlier ones; None if not recorded."""
+        kept = self._kept[name]
+        if stamp_ns not in kept:
+            if name in self._begun:  # otherwise it was before the recording
+                self.lost[name] += 1
+            return None
+        self._begun.add(name)
+        while (first := next(iter(kept))) != stamp_ns:
+            del kept[first]
+        return kept[stamp_ns]
 
     def repeat(self, received_ns: int, message: Any) -> None:
         """Repeat the calls of a ServoCalls message."""
@@ -144,7 +147,7 @@ class ServoCore:
             ask_again(self.servo, call, time, value, text)
 
     def _see(self, call: int, time: float, stamp_ns: int, at: int) -> None:
-        seen, servo = self._inputs.find(_KINDS[call], stamp_ns), self.servo
+        seen, servo = self._find(_KINDS[call], stamp_ns), self.servo
         if seen is None:
             return
         with suppress(TactileError, ValueError):  # also refused in the recording
@@ -198,13 +201,13 @@ class Cores:
     def __init__(self, bag: Bag, settings: Settings, output: Output, from_images: bool,
                  with_servo: bool):
         self._bag, self._output, self._from_images = bag, output, from_images
-        self.inputs, self.faults = Inputs(), list[str]()
+        self.faults: list[str] = []
         self._estimator = ContactEstimator(settings.config('contact_estimator', EstimatorConfig))
         self._now_ns = 0  # time of the message that is being processed
         self._shape = ShapeTopics(self._publisher, self.faults.append, *(
             settings.config('shape_estimator', kind)
             for kind in (ShapeEstimatorConfig, LocalQuadricConfig)))
-        self.servo = ServoCore(settings, self.inputs, self._shape, output) if with_servo else None
+        self.servo = ServoCore(settings, self._shape, output) if with_servo else None
         self._contact, self._wrench = ContactMsg(), WrenchStamped()
         self._later: deque[tuple[Recorded, Callable[[], None]]] = deque()
         self._takers: dict[str, Callable[[Recorded, Any], None]] = {
@@ -225,21 +228,17 @@ class Cores:
     def take(self, name: str, row: Recorded) -> None:
         """Process a raw message of a topic; call this in the order of reception."""
         while self._later and self._later[0][0].received_ns < row.received_ns - BEHIND:
-            self._do_next()
+            self._do(*self._later.popleft())
         if name in self._takers:
             self._do(row, lambda: self._takers[name](row, self._bag.unpacked(row)))
 
     def finish(self) -> None:
         """Process everything that still waits."""
         while self._later:
-            self._do_next()
-
-    def _do_next(self) -> None:
-        row, action = self._later.popleft()
-        self._now_ns = row.received_ns
-        self._do(row, action)
+            self._do(*self._later.popleft())
 
     def _do(self, row: Recorded, action: Callable[[], None]) -> None:
+        self._now_ns = row.received_ns
         try:
             action()
         except (TactileError, *DAMAGE) as error:
@@ -247,6 +246,10 @@ class Cores:
 
     def _do_later(self, row: Recorded, action: Callable[..., None], *arguments: Any) -> None:
         self._later.append((row, partial(action, *arguments)))
+
+    def _keep(self, name: str, stamp_ns: int, value: Any) -> None:
+        if self.servo:
+            self.servo.keep(name, stamp_ns, value)
 
     def _on_image(self, row: Recorded, message: Any) -> None:
         raw, stamp_ns = bytes(row.message), stamp_to_ns(message.header.stamp)
@@ -257,7 +260,7 @@ class Cores:
         except TactileError:
             image = None
         else:
-            self.inputs.keep('image', stamp_ns, image)
+            self._keep('image', stamp_ns, image)
         if not self._from_images:
             return
         contact = (self._estimator.refuse_malformed() if image is None
@@ -275,18 +278,18 @@ class Cores:
                       message.sensor)
 
     def _use(self, row: Recorded, stamp_ns: int, contact: Any, sensor: str) -> None:
-        self.inputs.keep('contact', stamp_ns, contact)
+        self._keep('contact', stamp_ns, contact)
         self._output.contact(stamp_ns, contact)
         self._do_later(row, self._shape.take_contact, stamp_ns, contact, sensor)
 
     def _on_sensor_info(self, row: Recorded, message: Any) -> None:
-        self.inputs.keep('sensor_info', stamp_to_ns(message.header.stamp),
+        self._keep('sensor_info', stamp_to_ns(message.header.stamp),
                          sensor_info_from_msg(message))
 
     def _on_joint_states(self, row: Recorded, message: Any) -> None:
-        positions = joint_positions(message, self.servo.joint_names) if self.servo else None
-        if positions is not None:
-            self.inputs.keep('joint_states', stamp_to_ns(message.header.stamp), positions)
+        if self.servo and (
+                positions := joint_positions(message, self.servo.joint_names)) is not None:
+            self.servo.keep('joint_states', stamp_to_ns(message.header.stamp), positions)
 
     def _on_servo_calls(self, row: Recorded, message: Any) -> None:
         if self.servo:

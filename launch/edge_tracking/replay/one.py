@@ -90,10 +90,10 @@ class Replay:
         self._made = {*OF_SHAPE, *(OF_IMAGES if from_images else ()),
                       *(OF_SERVO if with_servo else ())}
         self._reference = stack.enter_context(Bag(options.other)) if options.other else self.bag
-        self.output = Output()
-        if options.compare:
-            self.output = Output(Comparison(options.tolerances),
-                                 COMPARED.keys() & self._made & has.keys())
+        self._compares = options.compare
+        self.output = Output(
+            Comparison(options.tolerances),
+            COMPARED.keys() & self._made & has.keys() if options.compare else ())
         if options.out is not None:
             self.output.open(options.out, self._topics.prefix.strip('/'), stack)
         self.cores = Cores(self.bag, settings, self.output, from_images, with_servo)
@@ -109,7 +109,8 @@ class Replay:
         result.seconds, begun, count = 1e-9 * (end_ns - begin_ns), time.perf_counter(), 0
         for bag, name, row in self._rows():
             if bag is self._reference and name in self.output.compared:
-                self._compare(bag, name, row)
+                self.output.comparison.take(0, name, Encoded(
+                    bag.stamp_ns(row), row.message, partial(bag.unpacked, row)))
             if bag is self.bag and name not in self._made:
                 count += 1
                 self.output.copy(name, row.received_ns, row.message)
@@ -122,19 +123,15 @@ class Replay:
         result.faults += self.cores.faults
         if not count:
             result.faults.append(f'bag {result.bag}: holds no message of these topics')
-        result.notes += [f'{lost} of {name} that the servo used were not recorded'
-                         for name, lost in self.cores.inputs.lost.items()]
-        if self.cores.servo and self.cores.servo.lost_calls:
-            result.notes.append(f'{self.cores.servo.lost_calls} calls were not recorded')
-        if comparison := self.output.comparison:
-            comparison.finish()
-            result.equal, result.table = comparison.equal, comparison.table()
+        if servo := self.cores.servo:
+            result.notes += [f'{lost} of {name} that the servo used were not recorded'
+                             for name, lost in servo.lost.items()]
+            if servo.lost_calls:
+                result.notes.append(f'{servo.lost_calls} calls were not recorded')
+        if self._compares:
+            result.equal = self.output.comparison.equal
+            result.table = self.output.comparison.table()
         return result
-
-    def _compare(self, bag: Bag, name: str, row: Recorded) -> None:
-        if self.output.comparison:
-            self.output.comparison.take(0, name, Encoded(
-                bag.stamp_ns(row), row.message, partial(bag.unpacked, row)), row.received_ns)
 
     def _rows(self) -> Iterator[tuple[Bag, str, Recorded]]:
         """Yield the messages to replay and to compare with, in the order of reception."""

@@ -31,12 +31,12 @@ class Output:
     ----------
     counts : Counter
         Number of messages by topic.
-    comparison : Comparison or None
+    comparison : Comparison
     compared : collection of str
-        Names of the topics to compare.
+        Names of the topics to compare; none without a comparison.
     """
 
-    def __init__(self, comparison: Comparison | None = None, compared: Collection[str] = ()):
+    def __init__(self, comparison: Comparison, compared: Collection[str]):
         self.counts: Counter[str] = Counter()
         self.comparison, self.compared = comparison, compared
         self._writer: BagWriter | None = None
@@ -66,9 +66,9 @@ class Output:
         """Write and compare a message that the replay has made."""
         self.counts[name] += 1
         self.copy(name, time_ns, data)
-        if self.comparison and name in self.compared:
+        if name in self.compared:
             self.comparison.take(1, name, Encoded(
-                stamp_of(data), data, partial(unpacked, data, KINDS[name])), time_ns)
+                stamp_of(data), data, partial(unpacked, data, KINDS[name])))
 
     def contact(self, stamp_ns: int, contact: Contact) -> None:
         """Write a row of the contacts."""
