@@ -9,21 +9,11 @@ from edge_tracking.recording.reader import read_run
 from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import is_of_servo, summarise, truth
 from edge_tracking.report.page import make_report, Shown
-from tactile_common.command_line import Help, Parser, refusing
+from tactile_common.command_line import file_to_write, Help, Parser, refusing
 from tactile_common.errors import ConfigurationError
 from tactile_simulation.metrics import to_json
 from tactile_simulation.scene import describe_scenes, load_scene
 from tactile_simulation.world import Scene
-
-
-def page_file(text: str) -> Path:
-    """Convert the text of an option to the path of a page to write; its folder must exist."""
-    path = Path(text)
-    if path.suffix.lower() not in ('.html', '.htm'):
-        raise argparse.ArgumentTypeError(f'{text}: must end in .html')
-    if not path.parent.is_dir():
-        raise argparse.ArgumentTypeError(f'{text}: there is no such folder')
-    return path
 
 
 def parser() -> argparse.ArgumentParser:
@@ -35,7 +25,8 @@ def parser() -> argparse.ArgumentParser:
         'are shown side by side. Exit status 2, and nothing written, if one cannot be read.')
     add = arguments.add_argument
     add('bags', nargs='+', metavar='BAG', help='one or two recordings: folders, .mcap or .db3')
-    add('-o', '--out', metavar='FILE.html', type=page_file, required=True, help='page to write')
+    add('-o', '--out', metavar='FILE.html', type=file_to_write('.html', '.htm'), required=True,
+        help='page to write')
     add('--scene', help='scene that was simulated, for the true errors, see below')
     add('--namespace', help='of the sensor, where a recording has several')
     add('--json', action='store_true', help='print the summaries, one JSON object a line')
@@ -75,6 +66,3 @@ def main(argv: list[str] | None = None) -> int:
         print(f'report {options.out}', file=sys.stderr)
     return command.status
 
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -3,25 +3,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 import json
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from edge_tracking.web.page import make_page
-
-
-class Section(NamedTuple):
-    """A part of a column."""
-
-    heading: str
-    figure: str  # HTML
-    caption: str
-
-
-class Column(NamedTuple):
-    """All that the page shows of one recording."""
-
-    title: str
-    head: str  # HTML
-    sections: list[Section]
 
 
 def table(rows: Iterable[Sequence[str]], head: Sequence[str] = ()) -> str:
@@ -59,24 +43,20 @@ def _json(data: Mapping[str, Any]) -> str:
     return escape(json.dumps(data, allow_nan=False))
 
 
-def write_page(path: str | Path, columns: Sequence[Column]) -> None:
-    """Write a page."""
-    parts = [_beside(f'<h1>{escape(it.title)}</h1>\n{it.head}' for it in columns)]
-    named = [{section.heading: section for section in it.sections} for it in columns]
-    for heading in dict.fromkeys(name for of_one in named for name in of_one):
-        parts.append(f'<h2>{escape(heading)}</h2>\n' + _beside(
-            _figure(of_one.get(heading)) for of_one in named))
+def figure(content: str, caption: str) -> str:
+    """Return the HTML of content with its caption, a text."""
+    return (f'<figure>{content}<figcaption><p>{escape(caption)}</p></figcaption></figure>')
+
+
+def write_page(path: str | Path, titles: Sequence[str], columns: Sequence[Mapping[str, str]]
+               ) -> None:
+    """Write a page of columns side by side, each the HTML of its sections by their headings."""
+    parts = []
+    for heading in dict.fromkeys(name for column in columns for name in column):
+        beside = ''.join(f'<div>{column.get(heading, "<p>Not recorded.</p>")}</div>'
+                         for column in columns)
+        parts.append((f'<h2>{escape(heading)}</h2>\n' if heading else '')
+                     + f'<div class="beside">{beside}</div>')
     Path(path).write_text(make_page(
-        ' \u2013 '.join(it.title for it in columns), '\n'.join(parts),
-        ('tactile.js', 'player.js', 'chart.js'), kind='two' if len(columns) > 1 else ''), 'utf-8')
-
-
-def _figure(section: Section | None) -> str:
-    if section is None:
-        return '<p>Not recorded.</p>'
-    return (f'<figure>{section.figure}<figcaption><p>{escape(section.caption)}</p></figcaption>'
-            '</figure>')
-
-
-def _beside(parts: Iterable[str]) -> str:
-    return f'<div class="beside">{"".join(f"<div>{part}</div>" for part in parts)}</div>'
+        ' \u2013 '.join(titles), '\n'.join(parts), ('tactile.js', 'player.js', 'chart.js'),
+        kind='two' if len(columns) > 1 else ''), 'utf-8')

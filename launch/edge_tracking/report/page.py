@@ -19,7 +19,7 @@ from edge_tracking.recording.frames_summary import METRICS as OF_FRAMES
 from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import is_of_servo, latencies, rebuilt_outline
 from edge_tracking.report import charts, html
-from edge_tracking.report.html import Section
+from edge_tracking.report.html import figure
 from edge_tracking.report.player import chosen, player, stages
 from tactile_common.command_line import version_of_all
 from tactile_servo.laws.registry import DEFAULT, LAWS
@@ -29,6 +29,7 @@ LEAST = 6e-3  # m, smallest extent of the contacts with a surface
 MOST_ROWS = 100  # rows of a table
 MOCKS = {'mock_sensor', 'mock_robot'}  # nodes of a simulation
 MOST_TEXT = 200  # characters of a value
+Section = tuple[str, str]  # heading and HTML
 WHAT = {'track_edge': 'Edge', 'track_surface': 'Surface'}
 
 
@@ -44,26 +45,26 @@ class Shown(NamedTuple):
 
 def make_report(path: str | Path, *recordings: Shown) -> None:
     """Write the report of recordings, side by side, as HTML."""
-    html.write_page(path, [_column(it, len(recordings)) for it in recordings])
+    titles = [f'Scene \u201c{it.scene.name}\u201d' if it.scene else
+              f'Recording \u201c{it.name}\u201d' for it in recordings]
+    html.write_page(path, titles, [
+        {'': f'<h1>{escape(title)}</h1>\n{_head(it)}', **dict(_sections(it, len(recordings)))}
+        for title, it in zip(titles, recordings, strict=True)])
 
 
-def _column(it: Shown, columns: int) -> html.Column:
-    summary, of_servo = it.summary, is_of_servo(it.run)
-    title = f'Scene \u201c{it.scene.name}\u201d' if it.scene else (
-        f'Recording \u201c{it.name}\u201d')
-    if of_servo or it.scene:
+def _head(it: Shown) -> str:
+    summary, of_servo = it.summary, it.scene or is_of_servo(it.run)
+    verdict = 'Recording of a sensor' if summary['ok'] else 'No images'
+    if of_servo:
         law = LAWS.get(summary['law'])
         action = it.scene.action if it.scene else law.action if law else ''
         verdict = f'{WHAT.get(action, "Goal")} {"" if summary["ok"] else "not "}' + (
             'tracked' if action else 'met')
-    else:
-        verdict = 'Recording of a sensor' if summary['ok'] else 'No images'
     lead = f'{summary["reason"]}.{_lead(summary)} {busy(summary)}'.strip(' .') + '.'
-    head = (f'<p><span class="badge {"" if summary["ok"] else "bad"}">{escape(verdict)}</span>'
+    return (f'<p><span class="badge {"" if summary["ok"] else "bad"}">{escape(verdict)}</span>'
             f'<span class="badge plain">{escape(_origin(it))}</span></p>\n'
             f'<p>{escape(lead[0].upper() + lead[1:])}</p>\n{html.table(_about(it))}\n'
-            + html.numbers(shown(summary, METRICS if of_servo or it.scene else OF_FRAMES)))
-    return html.Column(title, head, [*_sections(it, columns)])
+            + html.numbers(shown(summary, METRICS if of_servo else OF_FRAMES)))
 
 
 def _origin(it: Shown) -> str:
@@ -142,12 +143,12 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
     run, summary, of_servo = it.run, it.summary, is_of_servo(it.run)
     stamps = chosen(run, columns)
     if len(stamps):
-        yield _player(run, stamps)
+        yield 'Player', _player(run, stamps)
     if it.scene:
         yield _in_scene(it)
     if of_servo:
-        yield Section(
-            'Error and force', html.charts(charts.over_time(
+        yield 'Error and force', figure(
+            html.charts(charts.over_time(
                 run, summary, place_on_pad(run, it.scene, it.real) if it.scene else None,
                 it.real)),
             'By touch: what the servo measured.' + (
@@ -155,16 +156,16 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
                 'after first contact; those of the force only while an edge crosses the whole '
                 'pad.' if it.scene else ' The dashed line is 10 mm after first contact.')
             + ' Coloured: other states than tracking, see there.')
-        yield _states(run)
+        yield 'States', _states(run)
     yield from _shape(it)
     if not of_servo:
         yield from _presses(run)
     if len(latencies(run)[1]):
-        yield Section(
-            'Latency', html.charts(charts.latency(run, summary)),
+        yield 'Latency', figure(
+            html.charts(charts.latency(run, summary)),
             'From the last byte of an image at the driver to the end of the first control cycle '
             'that used it. Later ones than the axis shows are in its last bar.')
-    yield _rates(run)
+    yield 'Rates', _rates(run)
 
 
 def place_on_pad(run: RunData, scene: Any, real: Any) -> np.ndarray:
@@ -181,7 +182,7 @@ def place_on_pad(run: RunData, scene: Any, real: Any) -> np.ndarray:
     return np.column_stack([lateral, np.full_like(lateral, np.nan)])
 
 
-def _player(run: RunData, stamps: np.ndarray) -> Section:
+def _player(run: RunData, stamps: np.ndarray) -> str:
     count = len(run.stamps['image'])
     canvases = (['tactile image'] if count else []) + (
         ['way of the pad'] if len(run.poses.stamp_ns) else [])
@@ -189,38 +190,34 @@ def _player(run: RunData, stamps: np.ndarray) -> Section:
     shown_of = f'{len(stamps)} of {count} images, evenly chosen and none averaged, in 254 ' \
         f'levels up to {data["top"]:.4g} {run.images.unit}' if count else \
         f'{len(stamps)} of {len(run.stamps["sensor_pose"])} poses'
-    return Section(
-        'Player', html.player(data, canvases),
+    return figure(
+        html.player(data, canvases),
         f'Shown: {shown_of}. Blue-green: the estimate, a line where it is one, a cross where it '
         'is a point, or at the centre of pressure. Way of the pad in the base frame, to be '
         f'turned; orange: what it touched. This run: {len(run.stamps["contact"])} contacts.')
 
 
 def _in_scene(it: Shown) -> Section:
-    run, scene = it.run, it.scene
-    if scene.action == 'track_surface':
-        return Section(
-            'The surface that was felt', html.charts(charts.felt(run, scene)),
+    if it.scene.action == 'track_surface':
+        return 'The surface that was felt', figure(
+            html.charts(charts.felt(it.run, it.scene)),
             'Contacts, and their distance from the true surface, which only the mock sensor '
             'knows.')
-    return Section(
-        'Path of the pad', html.charts(charts.path(run, scene, it.real)),
-        'Centre of the pad over the true edge, with the outline of the pad at first contact '
-        f'and at the end. The run begins {1e3 * abs(scene.start.offset):.1f} mm beside the edge, '
-        "which touch takes away. Positions are from the robot's forward "
-        'kinematics, errors against the scene, which only the mock sensor knows.')
+    return 'Path of the pad', figure(
+        html.charts(charts.path(it.run, it.scene, it.real)),
+        'Centre of the pad over the true edge, with the outline of the pad at first contact and '
+        f'at the end. The run begins {1e3 * abs(it.scene.start.offset):.1f} mm beside the edge, '
+        "which touch takes away. Positions are from the robot's forward kinematics, errors "
+        'against the scene, which only the mock sensor knows.')
 
 
-def _states(run: RunData) -> Section:
-    told = stages(run)
-    rows: list[tuple[str, ...]] = [
-        (f'{run.seconds(stage.begin):.3f}', f'{1e-9 * (stage.end - stage.begin):.3f}',
-         stage.state, stage.reason) for stage in told]
-    return Section(
-        'States', html.table(rows[:MOST_ROWS], ('from [s]', 'for [s]', 'state', 'reason')),
+def _states(run: RunData) -> str:
+    rows = [(f'{run.seconds(stage.begin):.3f}', f'{1e-9 * (stage.end - stage.begin):.3f}',
+             stage.state, stage.reason) for stage in stages(run)]
+    return figure(
+        html.table(rows[:MOST_ROWS], ('from [s]', 'for [s]', 'state', 'reason')),
         f'This run: {len(rows)} states' + (
-            f', of which the first {MOST_ROWS} are listed.' if len(rows) > MOST_ROWS
-            else '.'))
+            f', of which the first {MOST_ROWS} are listed.' if len(rows) > MOST_ROWS else '.'))
 
 
 def _shape(it: Shown) -> Iterator[Section]:
@@ -229,17 +226,18 @@ def _shape(it: Shown) -> Iterator[Section]:
         sides = ', '.join(f'{side.kind} of {1e3 * side.length:.2f} mm' + (
             f', radius {1e3 * side.radius:.1f}' if side.kind == 'arc' else '')
             for side in found.sides)
-        yield Section(
-            'Rebuilt outline', html.charts(charts.outline(run, it.scene, found)),
+        yield 'Rebuilt outline', figure(
+            html.charts(charts.outline(run, it.scene, found)),
             'Lines, arcs and corners, as few as the contacts along the edge allow. Each contact '
             'is a point of the fitted line or, on a curve and at a corner, of the ridge of the '
             'picture, put into the base by the pose of the robot. '
             f'This run: {len(found.sides)} sides ({sides}), {len(found.corners)} corners.')
     # At first contact with an edge, a few contacts may look like a surface.
     if len(run.patches) and np.ptp([patch.origin for patch in run.patches], axis=0).max() > LEAST:
-        yield Section('Surface', html.charts(charts.curvatures(run)),
-                      'Where a surface was touched: principal curvatures by the shape estimator, '
-                      f'live. This run: {len(run.patches)} patches.')
+        yield 'Surface', figure(
+            html.charts(charts.curvatures(run)),
+            'Where a surface was touched: principal curvatures by the shape estimator, live. '
+            f'This run: {len(run.patches)} patches.')
 
 
 def _presses(run: RunData) -> Iterator[Section]:
@@ -247,35 +245,31 @@ def _presses(run: RunData) -> Iterator[Section]:
     if not len(series.time):
         return
     found, (scale, unit) = presses(series.force), force_unit(series.unit)
-    yield Section(
-        'Force and centre of pressure', html.charts(charts.pressed(run, series, found)),
-        'Force is the zeroth moment of the picture. Without a calibration it is in counts '
-        'times area and says nothing about newtons. The centre of pressure is shown where '
-        'the force is above a tenth of its largest value. This recording: '
-        f'{len(series.time)} contacts in {np.ptp(series.time):.1f} s.')
-    rows: list[tuple[str, ...]] = [
-        (str(number), f'{series.time[begin]:.2f}',
-         f'{series.time[end - 1] - series.time[begin]:.2f}',
-         f'{scale * series.force[peak]:.4g}', f'{series.time[peak]:.2f}',
-         *(f'{1e3 * place:+.2f}' for place in series.centre_of_pressure[peak]))
-        for number, (begin, peak, end) in enumerate(found[:MOST_ROWS], 1)]
-    yield Section(
-        'Presses', html.table(rows, ('', 'from [s]', 'for [s]', f'peak [{unit}]', 'at [s]',
-                                     'x [mm]', 'y [mm]')),
+    yield 'Force and centre of pressure', figure(
+        html.charts(charts.pressed(run, series, found)),
+        'Force is the zeroth moment of the picture. Without a calibration it is in counts times '
+        'area and says nothing about newtons. The centre of pressure is shown where the force is '
+        f'above a tenth of its largest value. This recording: {len(series.time)} contacts in '
+        f'{np.ptp(series.time):.1f} s.')
+    rows = [(str(number), f'{series.time[begin]:.2f}',
+             f'{series.time[end - 1] - series.time[begin]:.2f}',
+             f'{scale * series.force[peak]:.4g}', f'{series.time[peak]:.2f}',
+             *(f'{1e3 * place:+.2f}' for place in series.centre_of_pressure[peak]))
+            for number, (begin, peak, end) in enumerate(found[:MOST_ROWS], 1)]
+    yield 'Presses', figure(
+        html.table(rows, ('', 'from [s]', 'for [s]', f'peak [{unit}]', 'at [s]', 'x [mm]',
+                          'y [mm]')),
         f'Where the centre of pressure was at the peak. This recording: {len(found)} presses.')
 
 
-def _rates(run: RunData) -> Section:
-    rows: list[tuple[str, ...]] = []
-    for name, stamps in run.stamps.items():
-        gaps = 1e-6 * np.diff(stamps)
-        if len(gaps):
-            rows.append((name, str(len(stamps)), f'1 of {run.every.get(name, 1)}',
-                         f'{rate(stamps):.1f}', f'{percentile(gaps):.2f}', f'{gaps.max():.2f}'))
+def _rates(run: RunData) -> str:
+    rows = [(name, str(len(stamps)), f'1 of {run.every.get(name, 1)}', f'{rate(stamps):.1f}',
+             f'{1e-6 * np.median(np.diff(stamps)):.2f}', f'{1e-6 * np.diff(stamps).max():.2f}')
+            for name, stamps in run.stamps.items() if len(stamps) > 1]
     late = 1e3 * run.contacts.latency
-    return Section(
-        'Rates', html.table(rows, ('topic', 'messages', 'read', 'rate [Hz]', 'gap, median [ms]',
-                                   'largest [ms]')),
+    return figure(
+        html.table(rows, ('topic', 'messages', 'read', 'rate [Hz]', 'gap, median [ms]',
+                          'largest [ms]')),
         'By the stamps of all messages; all else is of those that were read.' + (
             f' From a stamp to the publication of its contact: {percentile(late):.2f} ms in the '
             f'median, {percentile(late, 99):.2f} ms at 99 %.' if len(late) else '')
