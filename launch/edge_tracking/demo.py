@@ -176,7 +176,7 @@ def track(options: argparse.Namespace, path: Path, scene: Scene, folder: Path, d
 
         servo = add_servo(graph, robot, law, **own.servo)
         freeze_heap()
-        heard = Heard(servo, graph.namespace)
+        heard = Heard(servo)
         graph.spin(lambda: over() or heard.all)
         client = graph.add(
             TrackNode, own={'on_feedback': show}, action=scene.action, speed=options.speed,

@@ -86,13 +86,12 @@ def _offset(calibration: Calibration, frames: np.ndarray) -> float:
 def record_frames(recording: Recording, calibration: Calibration, bag: Path,
                   parameters: str | Path) -> None:
     """Write the images and contacts of a recording into a new bag, as driver and estimator do."""
-    names = {name.rpartition('/')[2]: k for k, (name, _, _) in enumerate(topics(NAMESPACE))}
     counts, _ = recording.counts(calibration.counts, calibration.resolution)
     estimator = ContactEstimator(ParameterFile(parameters).config(
         f'/{NAMESPACE}/contact_estimator', EstimatorConfig))
     pad, begin = ImageConverter(calibration), time.time_ns()
     writer = BagWriter(bag, topics(NAMESPACE))
-    writer.write(names['sensor_info'], begin, packed(sensor_info_to_msg(
+    writer.write('sensor_info', begin, packed(sensor_info_to_msg(
         calibration.sensor_info(SENSOR, FRAME, begin, None, 0))))
     with Progress(len(counts), 1.0) as progress:
         for number, frame in enumerate(counts):
@@ -103,7 +102,7 @@ def record_frames(recording: Recording, calibration: Calibration, bag: Path,
             contact = estimator.estimate(image)
             now = taken + time.monotonic_ns() - estimated
             message = image_to_msg(image)
-            writer.write(names['image'], taken, packed(message))
-            writer.write(names['contact'], now, packed(contact_to_msg(contact, message, now)))
+            writer.write('image', taken, packed(message))
+            writer.write('contact', now, packed(contact_to_msg(contact, message, now)))
             progress.show(number, 'playing', f'{number} of {len(counts)} frames')
     writer.close()

@@ -25,39 +25,34 @@ from edge_tracking.recording.writer import RecorderNode
 from tactile_common.ros.runner import freeze_heap
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
+# Topics that a run begins with.
+WANTED = {'joint_states', 'image', 'sensor_info', 'contact', 'surface_patch', 'servo_status',
+          'sensor_pose'}
 PATIENCE = 10.0  # s for a part to end by itself and write its recording
-
-
-def record(graph: Graph, bag) -> None:
-    """Add a recorder of all topics to a graph."""
-    graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
 
 
 class Heard:
     """
-    True in `all` when the listeners receive all topics that a run begins with.
+    True in `all` when the recorder's diagnostics name all `WANTED` topics.
 
-    The recorder's diagnostics show this. The shape estimator's patches are included: it needs
-    contacts and poses for them.
+    These include the shape estimator's patches, for which it needs contacts and poses.
     """
 
-    def __init__(self, node: Node, namespace: str):
-        self.failed = ''  # why the recording ended early
-        self.all, self._wanted = False, {'/joint_states', *(f'/{namespace}/{name}' for name in (
-            'image', 'sensor_info', 'contact', 'surface_patch', 'servo_status', 'sensor_pose'))}
+    def __init__(self, node: Node):
+        self.all, self.failed = False, ''  # why the recording ended early
         node.create_subscription(DiagnosticArray, '/diagnostics', self._take, 10)
 
     def _take(self, msg):
         for status in msg.status:
             heard = {pair.key: pair.value for pair in status.values}.get('heard', '')
-            self.all = self.all or self._wanted <= set(heard.split())
+            self.all = self.all or WANTED <= set(heard.split())
             if status.name.endswith(': recorder') and status.level == DiagnosticStatus.ERROR:
                 self.failed = status.message
 
 
 def add_listeners(graph: Graph, bag, shape: dict[str, Any] | None = None) -> None:
     """Add a recorder of all topics and the shape estimator with its parameters."""
-    record(graph, bag)
+    graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
     graph.add(ShapeEstimatorNode, **shape or {})
 
 

@@ -9,13 +9,14 @@ from sensor_msgs.msg import JointState
 
 from edge_tracking.graph import Graph, private_port
 from edge_tracking.process_group import apart
+from edge_tracking.recording.topics import short_name
 from edge_tracking.resources import share
 from tactile_common.ros.bag_reader import Bag
 from tactile_msgs.msg import Contact
 from tactile_simulation.scene import find_scene
 
 ROBOT = share('urdf', 'puma260.urdf')
-RECORDED = {'/joint_states', '/tactile/image'}
+RECORDED = {'joint_states', 'image'}
 
 
 def test_sensor_and_robot_are_heard_and_recorded_and_end_with_the_graph(tmp_path):
@@ -45,7 +46,7 @@ def test_sensor_and_robot_are_heard_and_recorded_and_end_with_the_graph(tmp_path
     assert len(seen['/joint_states'].position) == 6
     assert seen['/tactile/contact'].sensor
     with Bag(tmp_path / 'bag') as bag:
-        heard = {recorded.topic for recorded in bag.messages(bag.topics)}
+        heard = {short_name(row.topic) for row in bag.messages(bag.topics)}
     assert heard >= RECORDED
 
 

@@ -171,13 +171,13 @@ def test_many_bags_fail_alone_and_are_not_done_again(capsys, tmp_path):
 def test_a_full_disk_leaves_what_there_is(tmp_path, monkeypatch):
     writer = BagWriter(tmp_path / 'bag', [('/text', String, QoSProfile(depth=1))])
     for k in range(50):
-        writer.write(0, k * 100_000_000, serialize_message(String(data=f'{k}')))
+        writer.write('text', k * 100_000_000, serialize_message(String(data=f'{k}')))
 
     def full(*_):
         raise OSError(errno.ENOSPC, 'No space left on device')
     monkeypatch.setattr(writer._writer.storage, 'close_chunk', full)
     with pytest.raises(OSError, match='No space left'):
-        writer.write(0, 100_000_000_000, b'')
+        writer.write('text', 100_000_000_000, b'')
     writer.abort()
     with Bag(tmp_path / 'bag') as bag:
         assert bag.count('/text') > 35

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 NEEDED = ('contact', 'sensor_pose')  # topics; 'image' (bends and ends of edges) may be missing
 SETTINGS = ('finger_radius', 'position_noise', 'normal_noise', 'location_noise')
-ROW = np.dtype([('t', float), ('position', float, 3), ('normal', float, 3), ('edge', bool)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,16 +98,16 @@ def _from_bag(path: Path, namespace: str | None, finger_radius: float) -> Contac
         from tactile_sensing.observations import observations, TYPES
     with Bag(path) as bag:
         prefix = bag.namespace_of({name: TYPES[name] for name in NEEDED}, namespace)
-        table = _place_contacts(observations(
+        rows = _place_contacts(observations(
             bag, {f'{prefix}/{name}': name for name in (*NEEDED, 'image')}), finger_radius)
-    if not len(table):
+    if not rows:
         raise ConfigurationError(f'bag {path}: no contact with a pose of the sensor at its stamp')
-    return ContactRecording(table['t'], table['position'], table['normal'], table['edge'])
+    return ContactRecording(*map(np.array, zip(*rows, strict=True)))
 
 
-def _place_contacts(observations: Iterable['Observation'], finger_radius: float) -> np.ndarray:
-    """Return the contacts in space, records of ROW; a record of NaN marks a loss of contact."""
-    path, lost = ContactPath(finger_radius), True
+def _place_contacts(observations: Iterable['Observation'], finger_radius: float) -> list[tuple]:
+    """Return time, position, normal and edge of each contact; NaN marks a loss of contact."""
+    path, lost, nowhere = ContactPath(finger_radius), True, np.full(3, np.nan)
     rows: list[tuple] = []
     for seen in observations:
         placed = []
@@ -120,9 +119,9 @@ def _place_contacts(observations: Iterable['Observation'], finger_radius: float)
             placed = path.add_contact(seen.stamp_ns, seen.value(), seen.stamp_ns)
         for stamp_ns, contact, anew, _ in placed:
             if anew and not lost:
-                rows.append((1e-9 * stamp_ns, np.nan, np.nan, False))
+                rows.append((1e-9 * stamp_ns, nowhere, nowhere, False))
                 lost = True
             if contact is not None:
                 rows.append((1e-9 * stamp_ns, contact.position, contact.normal, contact.edge))
                 lost = False
-    return np.array(rows, dtype=ROW)
+    return rows

@@ -1,14 +1,14 @@
 """Table of the surface at every contact of a recording."""
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from tactile_shape.contact_recording import ContactRecording
 from tactile_shape.shape_estimator import ShapeEstimator
-from tactile_shape.types.patch import Kind, Patch
+from tactile_shape.types.patch import Kind
 
 MANY = 0.9  # share of patches with both curvatures negative that gives a hint
 # Parts of a reason that differ from contact to contact.
@@ -17,38 +17,32 @@ _NUMBERS = re.compile(
 
 
 class Column(NamedTuple):
-    """Column of the table: type, shape, how to get it from a patch, unit and meaning."""
+    """Column of the table: its type, unit and meaning."""
 
-    kind: Any
-    shape: tuple[int, ...]
-    value: Callable[[Patch], Any] | None  # None: not from the patch
+    kind: str
     unit: str
     text: str
 
 
 COLUMNS = {
-    't': Column(float, (), None, 's', 'time of the contact'),
-    'origin': Column(float, (3,), lambda p: p.origin, 'm', 'contact on the fitted surface'),
-    'frame': Column(
-        float, (4, 4), lambda p: p.frame, 'm',
-        'pose of the contact frame: x, y principal directions, z inward normal'),
-    'kind': Column(np.uint8, (), lambda p: p.kind, '',
-                   'least surface that explains the path; see Kinds'),
-    'valid': Column(np.bool_, (), lambda p: p.valid, '', 'whether the row may be used'),
-    'curvature': Column(
-        float, (2,), lambda p: p.curvature, '1/m',
-        'principal curvatures, the larger in magnitude first, positive for convex'),
-    'seen': Column(np.bool_, (2,), lambda p: p.seen, '',
-                   'whether the path could see each; if not, it is a prior'),
-    'directions': Column(float, (2, 3), lambda p: p.directions, '',
-                         'principal directions, a row each'),
-    'covariance': Column(float, (2, 2), lambda p: p.covariance, '1/m^2', 'of the curvatures'),
-    'surface_matrix': Column(float, (4, 4), lambda p: p.surface_matrix, 'm',
-                             "S of X' S X = 0, X = [x y z 1]', in the frame of the positions"),
-    'n': Column(np.uint32, (), lambda p: p.samples, '', 'contacts used'),
-    'window': Column(float, (), lambda p: p.extent, 'm', 'length of the path that was used'),
-    'residual': Column(float, (), lambda p: p.residual, '', 'RMS in standard deviations'),
+    't': Column('f8', 's', 'time of the contact'),
+    'origin': Column('3f8', 'm', 'contact on the fitted surface'),
+    'frame': Column('(4,4)f8', 'm', 'pose of the contact frame: x, y principal directions, z '
+                    'inward normal'),
+    'kind': Column('u1', '', 'least surface that explains the path; see Kinds'),
+    'valid': Column('?', '', 'whether the row may be used'),
+    'curvature': Column('2f8', '1/m', 'principal curvatures, the larger in magnitude first, '
+                        'positive for convex'),
+    'seen': Column('2?', '', 'whether the path could see each; if not, it is a prior'),
+    'directions': Column('(2,3)f8', '', 'principal directions, a row each'),
+    'covariance': Column('(2,2)f8', '1/m^2', 'of the curvatures'),
+    'surface_matrix': Column('(4,4)f8', 'm', "S of X' S X = 0, X = [x y z 1]', in the frame of "
+                             'the positions'),
+    'n': Column('u4', '', 'contacts used'),
+    'window': Column('f8', 'm', 'length of the path that was used'),
+    'residual': Column('f8', '', 'RMS in standard deviations'),
 }
+_ATTRIBUTES = {'n': 'samples', 'window': 'extent'}  # of a patch, where the names differ
 KINDS = {
     Kind.NONE: 'not determined: the row is not valid', Kind.PLANE: 'plane',
     Kind.CYLINDER: 'cylinder: curved in one direction', Kind.SPHERE: 'sphere',
@@ -61,7 +55,7 @@ class PatchTable:
     def __init__(self, recording: ContactRecording, estimator: ShapeEstimator):
         self._recording, self._estimator = recording, estimator
         self.records = np.zeros(len(recording), [
-            (name, column.kind, column.shape) for name, column in COLUMNS.items()])
+            (name, column.kind) for name, column in COLUMNS.items()])
         self.records['t'] = recording.t
         self._reasons: Counter[str] = Counter()  # number of invalid patches by reason
 
@@ -74,9 +68,8 @@ class PatchTable:
                 patch = self._estimator.lose()
             else:
                 patch = self._estimator.touch(position, normal, edge)
-            for name, column in COLUMNS.items():
-                if column.value is not None:
-                    self.records[name][k] = column.value(patch)
+            for name in COLUMNS.keys() - {'t'}:
+                self.records[name][k] = getattr(patch, _ATTRIBUTES.get(name, name))
             if not patch.valid:
                 self._reasons[_NUMBERS.sub('', patch.reason)] += 1
             yield k + 1

@@ -112,9 +112,7 @@ class RecordedSimulation(Simulation):
     servo: Any
 
     def __init__(self, path, scene, seed=0, law=None, self_test=False):
-        known = topics(NAMESPACE)
-        self._index = {name.rpartition('/')[2]: k for k, (name, _, _) in enumerate(known)}
-        self._writer, self.now = BagWriter(path, known), 1.0
+        self._writer, self.now = BagWriter(path, topics(NAMESPACE)), 1.0
         self.supervisor = lambda *arguments: self._made(*arguments)
         law, own = law_for(scene.action, law), scene.parameters()
         urdf = share('urdf', 'puma260.urdf').read_text()
@@ -142,7 +140,7 @@ class RecordedSimulation(Simulation):
 
     def _write(self, name, message):
         data = message if isinstance(message, bytes) else packed(message)
-        self._writer.write(self._index[name], round(1e9 * self.now), data)
+        self._writer.write(name, round(1e9 * self.now), data)
 
     def _tared(self):
         convert, info = super()._tared()

@@ -55,17 +55,6 @@ def latencies(run: RunData) -> tuple[np.ndarray, np.ndarray]:
     return stamps, statuses.latency[first] - delay
 
 
-def cycle_count(statuses: Statuses, active: np.ndarray) -> int:
-    """Return the number of control cycles from the first to the last active status."""
-    return int(np.ptp(statuses.cycles[active])) + 1 if active.size else 0
-
-
-def cycle_rate(statuses: Statuses, active: np.ndarray) -> float:
-    """Return the control cycles per second from the first to the last active status [Hz]."""
-    span = metrics.span(statuses.stamp_ns[active])
-    return (cycle_count(statuses, active) - 1) / span if span > 0.0 else NAN
-
-
 @lru_cache(maxsize=1)
 def rebuilt_outline(run):
     """Return the outline of the recorded contour; None if there are too few points."""
@@ -100,8 +89,10 @@ def summarise(run: RunData, scene: Scene | None = None, real: Truth | None = Non
     statuses, met = run.statuses, goal_was_met(run)
     tracking, _ = settled_cycles(statuses)
     target = percentile(statuses.force_target[tracking])
-    action = 'track_surface' if len(run.touches.stamp_ns) else 'track_edge'
-    felt, shape = SHAPES[scene.action if scene else action](run)
+    felt_surface = len(run.touches.stamp_ns) > 0
+    action = scene.action if scene else 'track_surface' if felt_surface else 'track_edge'
+    shape_of = shape_of_surface if action == 'track_surface' else shape_of_edge
+    felt, shape = shape_of(run)
     common = of_servo(run, scene.name if scene else '')
     common['too_busy'] = bool(busy(common))
     if scene is None:
@@ -142,15 +133,13 @@ def shape_of_surface(run: RunData) -> tuple[np.ndarray, dict[str, Any]]:
         'surface_seen_across': bool(np.mean([patch.seen.all() for patch in of_kind]) > 0.5)}
 
 
-# Functions that return contacts and shape, by the action of a scene.
-SHAPES = {'track_edge': shape_of_edge, 'track_surface': shape_of_surface}
-
-
 def of_servo(run: RunData, scene: str) -> dict[str, Any]:
     """Return the part of a summary that comes from servo and sensor, for any action."""
     statuses, stamps = run.statuses, run.stamps['image']
     tracking, settled = settled_cycles(statuses)
     active = np.flatnonzero(statuses.state != State.IDLE)
+    duration = metrics.span(statuses.stamp_ns[active])
+    cycles = int(np.ptp(statuses.cycles[active])) + 1 if active.size else 0
     _, latency = latencies(run)
     begin, end = statuses.stamp_ns[tracking][[0, -1]] if tracking.any() else (0, -1)
     last = {'state': 'idle', 'reason': 'the servo did not run', 'reason_code': 'none',
@@ -171,10 +160,10 @@ def of_servo(run: RunData, scene: str) -> dict[str, Any]:
             statuses.speed[settled]),
         'tracked_length': statuses.progress[tracking].max(initial=0.0),
         'approach_recorded': bool(tracking.any() and stamps.size and stamps[0] < begin),
-        'duration': metrics.span(statuses.stamp_ns[active]),
+        'duration': duration,
         'sensor_rate': rate(stamps[(stamps >= begin) & (stamps <= end)]),
-        'control_rate': cycle_rate(statuses, active),
-        'cycles': cycle_count(statuses, active),
+        'control_rate': (cycles - 1) / duration if duration > 0.0 else NAN,
+        'cycles': cycles,
         'latency_p50': percentile(latency, 50),
         'latency_p99': percentile(latency, 99),
         'cpu_per_cycle': statuses.cpu_time[tracking].mean() if tracking.any() else NAN,

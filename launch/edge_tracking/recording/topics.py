@@ -43,7 +43,12 @@ def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
         ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
 
 
-KINDS = {name.rpartition('/')[2]: kind for name, kind, _ in topics(NAMESPACE)}
+def short_name(topic: str) -> str:
+    """Return the last part of a topic's name, which is unique in the graph."""
+    return topic.rpartition('/')[2]
+
+
+KINDS = {short_name(name): kind for name, kind, _ in topics(NAMESPACE)}
 
 
 class RecordedTopics:
@@ -71,7 +76,7 @@ class RecordedTopics:
         else:
             raise ConfigurationError(
                 f'bag {bag.path}: holds several sensors, {", ".join(found)}; choose a namespace')
-        own = {topic: topic.rpartition('/')[2] for topic, _, _ in topics(self.prefix.strip('/'))}
+        own = {topic: short_name(topic) for topic, _, _ in topics(self.prefix.strip('/'))}
         own |= {topic: kind for kind in OF_ROBOTS for topic in bag.topics
                 if topic.endswith(f'/{kind}')}
         self.name = {topic: name for topic, name in own.items()

@@ -21,6 +21,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.rosbag2.errors import WriterError
 from rosbags.rosbag2.storage_mcap import McapWriter, zstd
 
+from edge_tracking.recording.topics import short_name
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.message_definitions import definition_of
 from tactile_common.ros.node import TactileNode
@@ -43,7 +44,8 @@ class BagWriter:
     Parameters
     ----------
     topics : list of (str, type, QoSProfile)
-        Name, message class and quality of service for players, of each topic.
+        Full name, message class and quality of service for players, of each topic; the last parts
+        of the names differ.
 
     Raises
     ------
@@ -58,29 +60,29 @@ class BagWriter:
             self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             self._writer.open()
             assert isinstance(self._writer.storage, McapWriter)
-            self._writer.storage.compressor = _compressed
+            self._storage = self._writer.storage
+            self._storage.compressor = _compressed
         except WriterError as error:
             raise ConfigurationError(
                 f'recording {path}: exists already; give the name of a new folder') from error
         except OSError as error:
             raise ConfigurationError(
                 f'recording {path}: cannot be made: {error.strerror or error}') from error
-        self._connections = [self._writer.add_connection(
+        self._connections = {short_name(name): self._writer.add_connection(
             name, known.name, msgdef=known.text, rihs01=known.digest,
             offered_qos_profiles=[_offered(qos)])
-            for (name, _, qos), known in zip(topics, described, strict=True)]
+            for (name, _, qos), known in zip(topics, described, strict=True)}
         self._begun: int | None = None  # time of the first message that is not yet on disk [ns]
 
-    def write(self, index: int, time_ns: int, data: bytes) -> None:
-        """Write the bytes of a message of the topic with an index; OSError if the disk is full."""
-        storage = self._writer.storage
+    def write(self, name: str, time_ns: int, data: bytes) -> None:
+        """Write a message of the topic with a short name; OSError if the disk is full."""
         if self._begun is None:
             self._begun = time_ns
-        elif time_ns - self._begun > 1e9 * CHUNK_PERIOD and isinstance(storage, McapWriter):
-            storage.close_chunk()
-            storage.bio.flush()
+        elif time_ns - self._begun > 1e9 * CHUNK_PERIOD:
+            self._storage.close_chunk()
+            self._storage.bio.flush()
             self._begun = time_ns
-        self._writer.write(self._connections[index], time_ns, data)
+        self._writer.write(self._connections[name], time_ns, data)
 
     def close(self) -> None:
         """Write the index; OSError if the disk is full, but the messages stay readable."""
@@ -94,40 +96,26 @@ class BagWriter:
 
 class RecorderNode(TactileNode):
     """
-    Records topics as raw bytes, without deserialisation, into a new folder.
+    Records topics as raw bytes, without deserialisation, into a new folder; see `BagWriter`.
 
-    The callbacks only append to a queue; a thread writes. The diagnostics name the topics that
-    were received. `failed` says why the recording ended early; it is empty while it continues.
-
-    Parameters
-    ----------
-    topics : list of (str, type, QoSProfile)
-        Name, message class and quality of service (also for players) of each topic.
-    max_waiting : int
-        Messages that may wait to be written; any more are dropped and counted.
-
-    Raises
-    ------
-    ConfigurationError
-        The folder exists or cannot be made, or a message type is not installed.
+    The callbacks only append to a queue; a thread writes. At most `max_waiting` messages wait;
+    any more are dropped and counted. The diagnostics name the topics that were received. `failed`
+    says why the recording ended early; it is empty while it continues.
     """
 
     def __init__(self, path, topics, *, max_waiting=MAX_WAITING, **kwargs):
-        self._closed = threading.Event()
-        self._waiting = deque()
-        self._max_waiting = max_waiting
+        self._closed, self._heard = threading.Event(), set()
+        self._waiting, self._max_waiting = deque(), max_waiting
         self.written = self.dropped = 0
         self.failed = ''
-        self._topics = [name for name, _, _ in topics]
-        self._heard = set()
         self._writer = BagWriter(path, topics)
         self._thread = threading.Thread(target=self._write_forever, name='bag writer')
         super().__init__('recorder', **kwargs)
-        for index, (name, message_class, qos) in enumerate(topics):
-            self.create_subscription(message_class, name, self._callback(index), qos, raw=True)
+        for name, kind, qos in topics:
+            self.create_subscription(kind, name, self._callback(short_name(name)), qos, raw=True)
         self._thread.start()
 
-    def _callback(self, index):
+    def _callback(self, name):
         waiting = self._waiting
 
         # One argument only: the events executor cannot pass the message info with raw bytes, so
@@ -135,7 +123,7 @@ class RecorderNode(TactileNode):
         # to make an rclpy Time takes longer than everything else here.
         def take(data):
             if len(waiting) < self._max_waiting:
-                waiting.append((index, time_ns(), data))
+                waiting.append((name, time_ns(), data))
             else:
                 self.dropped += 1
         return take
@@ -167,13 +155,13 @@ class RecorderNode(TactileNode):
 
     def _write_waiting(self):
         while self._waiting:
-            index, time, data = self._waiting.popleft()
-            self._writer.write(index, time, data)
+            name, time, data = self._waiting.popleft()
+            self._writer.write(name, time, data)
             self.written += 1
-            self._heard.add(index)
+            self._heard.add(name)
 
     def _on_diagnose(self):
-        heard = ' '.join(sorted(self._topics[index] for index in list(self._heard)))
+        heard = ' '.join(sorted(self._heard.copy()))
         level = DiagnosticStatus.WARN if self.dropped else DiagnosticStatus.OK
         self.diagnose(
             DiagnosticStatus.ERROR if self.failed else level, self.failed or 'recording',

@@ -48,9 +48,7 @@ class Output:
             folder.mkdir(parents=True)
         except OSError as error:
             raise ConfigurationError(f'-o {folder}: {error.strerror}') from error
-        known = topics(namespace)
-        self._index = {name.rpartition('/')[2]: k for k, (name, _, _) in enumerate(known)}
-        self._writer = BagWriter(folder / 'bag', known)
+        self._writer = BagWriter(folder / 'bag', topics(namespace))
         stack.callback(self._writer.close)
         for name, columns in (('contacts', CONTACTS), ('cycles', CYCLES)):
             file = stack.enter_context((folder / f'{name}.csv').open('w', newline=''))
@@ -60,7 +58,7 @@ class Output:
     def copy(self, name: str, time_ns: int, data: bytes) -> None:
         """Write a message of a topic to the recording."""
         if self._writer:
-            self._writer.write(self._index[name], time_ns, data)
+            self._writer.write(name, time_ns, data)
 
     def message(self, name: str, time_ns: int, data: bytes) -> None:
         """Write and compare a message that the replay has made."""

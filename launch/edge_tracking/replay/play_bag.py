@@ -19,7 +19,7 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock as ClockMsg
 from std_srvs.srv import SetBool
 
-from edge_tracking.recording.topics import RecordedTopics, topics
+from edge_tracking.recording.topics import RecordedTopics, short_name, topics
 from edge_tracking.replay.one import OF_IMAGES, OF_SHAPE
 from tactile_common.command_line import between, Parser, refusing
 from tactile_common.errors import ConfigurationError
@@ -105,7 +105,7 @@ class PlayerNode(TactileNode):
         first = 'image' if 'image' in names.topic else 'contact'
         aside = (*ASIDE, *OF_IMAGES) if first == 'image' else ASIDE
         for name, kind, qos in topics(names.prefix.strip('/')):
-            short = name.rpartition('/')[2]
+            short = short_name(name)
             topic = names.topic.get(short)
             if topic is None or short in UNSAID:
                 continue

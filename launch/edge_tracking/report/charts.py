@@ -219,10 +219,11 @@ def curvatures(run: RunData) -> list[dict[str, Any]]:
 def pressed(run: RunData, series: ForceSeries, found: Sequence[Press]) -> list[dict[str, Any]]:
     """Return force with presses, and the centre of pressure over time and on the array."""
     scale, unit = force_unit(series.unit)
-    time, centre = series.time, 1e3 * series.centre_of_pressure[loaded(series)]
+    time, centre = series.time, 1e3 * series.centre_of_pressure
+    loaded = series.force > 0.1 * np.nanmax(series.force, initial=0.0)
     bands = [[float(time[begin]), float(time[min(end, len(time) - 1)]), SHADES[State.APPROACH]]
              for begin, _, end in found]
-    moves = np.where(loaded(series)[:, None], 1e3 * series.centre_of_pressure, np.nan)
+    moves = np.where(loaded[:, None], centre, np.nan)
     frame = [way('array', 1e3 * pad_outline(run.images.array, np.eye(4)), GREY)] if (
         run.images.array) else []
     return [
@@ -232,9 +233,4 @@ def pressed(run: RunData, series: ForceSeries, found: Sequence[Press]) -> list[d
             line('xy'[axis], time, moves[:, axis], (BLUE, ORANGE)[axis]) for axis in (0, 1)],
             bands=bands),
         chart('Centre of pressure on the array, equal axes', 'x [mm]', 'y [mm]', [
-            *frame, way('', centre, BLUE, dots=True)], equal=True)]
-
-
-def loaded(series: ForceSeries) -> np.ndarray:
-    """Return where the force is above a tenth of its largest value, `(N,)`."""
-    return series.force > 0.1 * np.nanmax(series.force, initial=0.0)
+            *frame, way('', centre[loaded], BLUE, dots=True)], equal=True)]

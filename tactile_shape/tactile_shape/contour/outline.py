@@ -11,11 +11,11 @@ from tactile_shape.contour.curves import (
     angle_between,
     Curve,
     fit_curve,
+    joints,
     Line,
     meeting,
     on_curve,
 )
-from tactile_shape.contour.segments import joints
 
 STRAIGHT = 0.1  # width per length below which a contour does not define a plane
 ROUNDING = 3e-3  # m of contour next to a corner, not used because the skin rounds it
@@ -166,13 +166,8 @@ def _plane(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _average(flat: np.ndarray) -> np.ndarray:
     """Average points (n, 2) within a spacing of each other; the end points remain."""
-    travel = arc_length(flat)
-    if travel[-1] < SPACING:
-        return flat
-    cell = np.minimum((travel / SPACING).astype(int), int(travel[-1] / SPACING))
-    used, cell = np.unique(cell, return_inverse=True)
-    sums = np.stack([np.bincount(cell, values, len(used)) for values in flat.T], axis=1)
-    means = sums / np.bincount(cell, minlength=len(used))[:, None]
+    first = np.flatnonzero(np.diff((arc_length(flat) / SPACING).astype(int), prepend=-1))
+    means = np.add.reduceat(flat, first) / np.diff(first, append=len(flat))[:, None]
     return np.concatenate([flat[:1], means[1:-1], flat[-1:]])
 
 
