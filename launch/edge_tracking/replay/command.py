@@ -1,8 +1,10 @@
 """The command `replay`."""
 import argparse
-from collections.abc import Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 import json
 import math
@@ -79,41 +81,35 @@ def bags_in(paths: Sequence[str]) -> list[Path]:
     return found
 
 
-def replay_apart(bag: Path, options: Options) -> tuple[int, str]:
+def replay_apart(options: Options, bag: Path) -> tuple[int, str]:
     """Replay one of many recordings, unless this was done before; return status and a text."""
     folder = options.out and options.out / '_'.join(bag.resolve().with_suffix('').parts[1:])
-    if not folder:
-        return _replay(bag, options)
-    if (folder / RESULT).exists():
+    if folder and (folder / RESULT).exists():
         return json.loads((folder / RESULT).read_text())['status'], 'done before'
-    part = folder.with_name(f'{folder.name}.part')  # may be left by an interrupted replay
-    rmtree(part, ignore_errors=True)
-    ended = _replay(bag, replace(options, out=part))
-    if (part / RESULT).exists():
-        part.rename(folder)
-    return ended
-
-
-def _replay(bag: Path, options: Options) -> tuple[int, str]:
     try:
-        compile_kernels()
-        result = replay_one(bag, options, quiet=True)
+        if not folder:
+            return _replay(bag, options)
+        part = folder.with_name(f'{folder.name}.part')  # may be left by an interrupted replay
+        rmtree(part, ignore_errors=True)
+        ended = _replay(bag, replace(options, out=part))
+        part.rename(folder)
+        return ended
     except (ConfigurationError, OSError) as error:
         return REFUSED, ' '.join(str(error).split())
-    lines = describe(result).splitlines()
-    return result.status, lines[-1] if result.status else lines[0]
-
-
-def _ended(replayed: Future) -> tuple[int, str]:
-    try:
-        return replayed.result()
     except Exception as error:  # one failure does not stop the others
         return REFUSED, f'{type(error).__name__}: {error}'
 
 
+def _replay(bag: Path, options: Options) -> tuple[int, str]:
+    compile_kernels()
+    result = replay_one(bag, options, quiet=True)
+    lines = describe(result).splitlines()
+    return result.status, lines[-1] if result.status else lines[0]
+
+
 def main(args: list[str] | None = None) -> int:
     """Run the command; the exit status is explained by `--help`."""
-    with refusing('replay') as command:
+    with refusing('replay', BrokenExecutor) as command, ExitStack() as stack:
         given = parser().parse_args(args)
         options, bags = options_of(given), bags_in(given.bags)
         if len(bags) == 1:
@@ -122,15 +118,15 @@ def main(args: list[str] | None = None) -> int:
             print(describe(result), file=sys.stderr)
             command.status = result.status
             return command.status
-        pool = ProcessPoolExecutor(given.jobs, mp_context=get_context('spawn'))
-        try:
-            rows = [(bag, pool.submit(replay_apart, bag, options)) for bag in bags]
-            with Progress(len(bags)) as progress:
-                for done, (bag, replayed) in enumerate(rows, 1):
-                    status, text = _ended(replayed)
-                    print(f'{status}  {bag}  {text}')
-                    progress.show(done, 'replay', f'{done} of {len(bags)} bags')
-                    command.status = max(command.status, status)
-        finally:
-            pool.shutdown(cancel_futures=True)
+        run: Callable[..., Iterator[tuple[int, str]]] = map
+        if given.jobs > 1:
+            pool = ProcessPoolExecutor(given.jobs, mp_context=get_context('spawn'))
+            stack.callback(pool.shutdown, cancel_futures=True)
+            run = pool.map
+        progress = stack.enter_context(Progress(len(bags)))
+        results = zip(bags, run(partial(replay_apart, options), bags), strict=True)
+        for done, (bag, (status, text)) in enumerate(results, 1):
+            print(f'{status}  {bag}  {text}')
+            progress.show(done, 'replay', f'{done} of {len(bags)} bags')
+            command.status = max(command.status, status)
     return command.status

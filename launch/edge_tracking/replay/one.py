@@ -1,13 +1,18 @@
 """Replay of one recording: input, comparison and result."""
-from collections.abc import Collection, Iterator
-from contextlib import ExitStack
+from collections import deque
+from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from heapq import merge
 import json
+import math
 from pathlib import Path
 import time
+from types import SimpleNamespace
+from typing import Any
 
+from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
@@ -15,12 +20,26 @@ from rclpy.parameter import Parameter
 from edge_tracking.recording.settings import Settings
 from edge_tracking.recording.topics import RecordedTopics
 from edge_tracking.replay.comparison import COMPARED, Comparison, Encoded
-from edge_tracking.replay.cores import Cores
 from edge_tracking.replay.output import Output
-from tactile_common.errors import ConfigurationError
+from edge_tracking.replay.servo_core import ServoCore
+from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.progress import Progress
-from tactile_common.ros.bag_reader import Bag, Recorded
+from tactile_common.ros.bag_reader import Bag, DAMAGE, Recorded
 from tactile_common.ros.cdr import packed
+from tactile_common.ros.conversions import NS, stamp_to_ns
+from tactile_msgs.msg import Contact as ContactMsg
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.conversions import (
+    contact_from_msg,
+    contact_to_msg,
+    contact_to_wrench,
+    image_from_msg,
+    sensor_info_from_msg,
+)
+from tactile_sensing.types.contact import Contact
+from tactile_servo.conversions import joint_positions
+from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
+from tactile_shape.nodes.shape_estimator import ShapeEstimatorConfig, ShapeTopics
 
 QUIET = 1.0  # s without a progress bar
 MOST_FAULTS = 10  # faults that are printed
@@ -29,6 +48,10 @@ RESULT = 'result.json'  # written to the output folder at the end
 OF_IMAGES = ('contact', 'wrench')
 OF_SHAPE = ('surface_patch', 'contour', 'markers')
 OF_SERVO = ('sensor_pose', 'surface_contact', 'joint_trajectory', 'servo_status')
+# Topics that it reads, unless it makes them.
+TAKEN = {'image', 'contact', 'sensor_info', 'joint_states', 'servo_calls', 'sensor_pose',
+         'surface_contact'}
+BEHIND = NS  # within this time a recorder has received all inputs that the servo used
 
 
 @dataclass(frozen=True)
@@ -66,7 +89,7 @@ class Result:
 
 class Replay:
     """
-    One replay, from a bag to another bag, tables and a comparison.
+    One replay: contact estimator, servo and shape estimator get the recorded messages in turn.
 
     Raises a ConfigurationError if nothing can be replayed, or an option is wrong.
     """
@@ -96,12 +119,27 @@ class Replay:
             COMPARED.keys() & self._made & has.keys() if options.compare else ())
         if options.out is not None:
             self.output.open(options.out, self._topics.prefix.strip('/'), stack)
-        self.cores = Cores(self.bag, settings, self.output, from_images, with_servo)
         for node, values in settings.changed.items():  # also in the written recording
             self.output.copy('parameters', self.bag.span[0], packed(ParameterEvent(
                 node=f'{self._topics.prefix}/{node}', changed_parameters=[
                     Parameter(name, value=value).to_parameter_msg()
                     for name, value in values.items()])))
+        self._make_cores(settings, with_servo)
+
+    def _make_cores(self, settings: Settings, with_servo: bool) -> None:
+        self._estimator = ContactEstimator(settings.config('contact_estimator', EstimatorConfig))
+        self._shape = ShapeTopics(self._publisher, self.result.faults.append, *(
+            settings.config('shape_estimator', kind)
+            for kind in (ShapeEstimatorConfig, LocalQuadricConfig)))
+        self._servo = ServoCore(settings, self._shape, self.output) if with_servo else None
+        self._contact, self._wrench = ContactMsg(), WrenchStamped()
+        self._now_ns = 0  # time of the message that is being processed
+        self._later: deque[tuple[Recorded, Callable[[], None]]] = deque()
+
+    def _publisher(self, _: Any, name: str, __: Any) -> Any:
+        """Return a stand-in for a node's publisher."""
+        return SimpleNamespace(
+            publish=lambda message: self.output.message(name, self._now_ns, packed(message)))
 
     def run(self, progress: Progress) -> Result:
         """Replay all messages that can be read."""
@@ -114,24 +152,81 @@ class Replay:
             if bag is self.bag and name not in self._made:
                 count += 1
                 self.output.copy(name, row.received_ns, row.message)
-                self.cores.take(name, row)
+                self._do_waiting(row.received_ns - BEHIND)
+                if name in TAKEN:
+                    self._do(row, partial(self._take, name, row))
                 if not count % 1000:
                     gone = 1e-9 * (row.received_ns - begin_ns)
                     progress.show(gone, 'replay', f'{gone:.0f} of {result.seconds:.0f} s')
-        self.cores.finish()
+        self._do_waiting(math.inf)
         result.elapsed, result.counts = time.perf_counter() - begun, dict(self.output.counts)
-        result.faults += self.cores.faults
         if not count:
             result.faults.append(f'bag {result.bag}: holds no message of these topics')
-        if servo := self.cores.servo:
-            result.notes += [f'{lost} of {name} that the servo used were not recorded'
-                             for name, lost in servo.lost.items()]
-            if servo.lost_calls:
-                result.notes.append(f'{servo.lost_calls} calls were not recorded')
+        if self._servo:
+            result.notes += self._servo.notes()
         if self._compares:
             result.equal = self.output.comparison.equal
             result.table = self.output.comparison.table()
         return result
+
+    def _do(self, row: Recorded, action: Callable[[], None]) -> None:
+        """Process a message; one that cannot be used is a fault."""
+        self._now_ns = row.received_ns
+        try:
+            action()
+        except (TactileError, *DAMAGE) as error:
+            self.result.faults.append(str(self.bag.damaged(row.topic, row.received_ns, error)))
+
+    def _do_later(self, row: Recorded, action: Callable[..., None], *arguments: Any) -> None:
+        self._later.append((row, partial(action, *arguments)))
+
+    def _do_waiting(self, before_ns: float) -> None:
+        while self._later and self._later[0][0].received_ns < before_ns:
+            self._do(*self._later.popleft())
+
+    def _take(self, name: str, row: Recorded) -> None:
+        message, servo, shape = self.bag.unpacked(row), self._servo, self._shape
+        stamp_ns = stamp_to_ns(message.header.stamp)
+        if name == 'image':
+            self._take_image(row, message, stamp_ns)
+        elif name == 'contact':
+            self._use_contact(row, message, contact_from_msg(message))
+        elif name == 'sensor_pose':
+            self._do_later(row, shape.take_pose, message)
+        elif name == 'surface_contact':
+            self._do_later(row, shape.take_touch, message)
+        elif servo and name == 'servo_calls':
+            self._do_later(row, servo.repeat, message, row.received_ns)
+        elif servo and name == 'sensor_info':
+            servo.keep(name, stamp_ns, sensor_info_from_msg(message))
+        elif servo and name == 'joint_states' and (
+                positions := joint_positions(message, servo.joint_names)) is not None:
+            servo.keep(name, stamp_ns, positions)
+
+    def _take_image(self, row: Recorded, message: Any, stamp_ns: int) -> None:
+        self._do_later(row, self._shape.take_image, bytes(row.message))
+        image = None
+        with suppress(TactileError):
+            image = image_from_msg(message)
+            if self._servo:
+                self._servo.keep('image', stamp_ns, image)
+        if 'contact' not in self._made:
+            return
+        contact = (self._estimator.refuse_malformed() if image is None
+                   else self._estimator.estimate(image))
+        self.output.message('contact', row.received_ns, packed(contact_to_msg(
+            contact, message, row.received_ns, self._contact)))
+        if contact.force_valid:
+            self.output.message('wrench', row.received_ns, packed(
+                contact_to_wrench(contact, message, self._wrench)))
+        self._use_contact(row, message, contact)
+
+    def _use_contact(self, row: Recorded, message: Any, contact: Contact) -> None:
+        stamp_ns = stamp_to_ns(message.header.stamp)
+        if self._servo:
+            self._servo.keep('contact', stamp_ns, contact)
+        self.output.contact(stamp_ns, contact)
+        self._do_later(row, self._shape.take_contact, stamp_ns, contact, message.sensor)
 
     def _rows(self) -> Iterator[tuple[Bag, str, Recorded]]:
         """Yield the messages to replay and to compare with, in the order of reception."""

@@ -116,7 +116,9 @@ class ShapeTopics:
         self._take(self._path.add_pose(stamp_ns, pose))
 
     def take_image(self, raw: bytes) -> None:
-        """Process the bytes of an image."""
+        """Process the bytes of an image; not needed with contacts of a servo."""
+        if self.by_servo:
+            return
         with suppress(*DAMAGE):
             self._path.add_picture(stamp_of(raw), lambda: _image(raw))
 
@@ -126,8 +128,8 @@ class ShapeTopics:
             self._take(self._path.add_contact(stamp_ns, contact, (stamp_ns, sensor)))
 
     def take_touch(self, msg: PoseStamped) -> None:
-        """Process a contact published by the servo."""
-        pose = self._pose(msg, 'surface_contact')
+        """Process a contact published by the servo; not needed with those of the sensor."""
+        pose = self._pose(msg, 'surface_contact') if self.by_servo else None
         if pose is None or msg.header.frame_id != self._frame:  # no pose of the sensor yet
             return
         stamp_ns = stamp_to_ns(msg.header.stamp)
