@@ -21,7 +21,7 @@ from sensor_msgs.msg import Image
 
 from edge_tracking.resources import NAMESPACE
 from edge_tracking.web.page import COLOURS, INVALID, levels, make_page, packed
-from edge_tracking.web.server import Server
+from edge_tracking.web.server import NOTHING, Server
 from tactile_common.command_line import Parser, refusing
 from tactile_common.config import bounded
 from tactile_common.errors import TactileError
@@ -87,7 +87,7 @@ class ViewNode(TactileNode):
         return self._server.url
 
     def _attend(self) -> None:
-        watched = self._server.feed.clients or self._picture.get_subscription_count()
+        watched = self._server.watched or self._picture.get_subscription_count()
         if watched and not self._timer:
             newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
             self._listening = [self.create_subscription(
@@ -99,7 +99,7 @@ class ViewNode(TactileNode):
             self._timer = None
             for subscription in self._listening:
                 self.destroy_subscription(subscription)
-            self._listening, self._shown = [], {}
+            self._listening, self._shown, self._server.newest = [], {}, NOTHING
             self._heard.clear()
 
     def _show(self) -> None:
@@ -117,10 +117,10 @@ class ViewNode(TactileNode):
         self._shown = {**self._shown, 'sensor_pose': None, **new}
         header, pressure, image = self._shown.get('image', (None, None, None))
         contact = self._shown.get('contact')
-        if self._server.feed.clients:
-            self._server.feed.put(json.dumps({
-                'image': image, 'contact': contact, 'status': self._shown.get('servo_status'),
-                'position': self._shown['sensor_pose']}))
+        self._server.newest = json.dumps({
+            'image': image, 'contact': contact, 'status': self._shown.get('servo_status'),
+            'position': self._shown['sensor_pose'], 'stamp': self._steady.now().nanoseconds,
+        }).encode()
         if 'image' in new and self._picture.get_subscription_count():
             self._picture.publish(drawn(header, pressure, image['pitch'], (
                 contact or {}).get('place')))

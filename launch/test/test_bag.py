@@ -89,15 +89,11 @@ def test_recorder_bounds_its_memory_and_counts_what_it_drops(context, tmp_path):
     assert (recorder.written, recorder.dropped) == (0, 20)
 
 
-def test_recorder_refuses_an_existing_folder(context, tmp_path):
-    with pytest.raises(ConfigurationError, match='exists already'):
-        RecorderNode(tmp_path, POSE, context=context)
-
-
-def test_recorder_says_where_a_folder_cannot_be_made(context, tmp_path):
+@pytest.mark.parametrize('place, why', [('', 'exists already'), ('file/bag', 'cannot be made')])
+def test_recorder_says_why_a_folder_cannot_be_made(context, tmp_path, place, why):
     (tmp_path / 'file').touch()
-    with pytest.raises(ConfigurationError, match='cannot be made'):
-        RecorderNode(tmp_path / 'file' / 'bag', POSE, context=context)
+    with pytest.raises(ConfigurationError, match=why):
+        RecorderNode(tmp_path / place, POSE, context=context)
 
 
 def test_recorder_takes_parameters_and_can_be_destroyed_twice(context, tmp_path):

@@ -57,17 +57,18 @@ def wait(graph, condition):
     assert condition()
 
 
-def ready(graph):
-    """Give servo and client, with all that the client waits for but the robot."""
-    servo, track = graph.add(Servo), graph.add(TrackNode)
+def ready(graph, robot=True, **parameters):
+    """Give servo and client, with all that the client waits for, or without the robot."""
+    servo, track = graph.add(Servo), graph.add(TrackNode, **parameters)
     wait(graph, track._client.server_is_ready)
     wait(graph, track._heartbeat.get_subscription_count)
     track._seen = track._tared = track._felt = True
+    track._robot = robot
     return servo, track
 
 
 def test_a_goal_cancelled_before_it_is_sent_is_never_sent(graph):
-    servo, track = ready(graph)
+    servo, track = ready(graph, robot=False)
     track.cancel()
     assert track.finished and not track.success and track.reason == 'cancelled'
     track._robot = True
@@ -77,7 +78,7 @@ def test_a_goal_cancelled_before_it_is_sent_is_never_sent(graph):
 
 
 def test_a_goal_cancelled_before_it_is_accepted_is_cancelled_then(graph):
-    servo, track = ready(graph)
+    servo, track = ready(graph, robot=False)
     track._robot = True
     track._try_to_start()
     track.cancel()
@@ -90,9 +91,7 @@ def test_a_goal_cancelled_before_it_is_accepted_is_cancelled_then(graph):
 
 def test_a_servo_that_falls_silent_ends_the_client(graph, monkeypatch):
     monkeypatch.setattr(track_module, 'SILENCE', 0.5)
-    servo, track = graph.add(Servo), graph.add(TrackNode)
-    wait(graph, track._client.server_is_ready)
-    track._seen = track._tared = track._felt = track._robot = True
+    servo, track = ready(graph)
     wait(graph, lambda: servo.goals)  # and not a word more
     assert not track.finished
     wait(graph, lambda: track.finished)
@@ -101,8 +100,7 @@ def test_a_servo_that_falls_silent_ends_the_client(graph, monkeypatch):
 
 @pytest.mark.parametrize('timeout', [0.0, 0.2])
 def test_a_client_says_that_it_lives_while_its_goal_is_worked_on(graph, timeout):
-    servo, track = graph.add(Servo), graph.add(TrackNode, client_timeout=timeout)
-    track._seen = track._tared = track._felt = track._robot = True
+    servo, track = ready(graph, client_timeout=timeout)
     wait(graph, lambda: servo.goals)
     assert servo.goals[0].request.client_timeout == timeout
     wait(graph, lambda: track._handle is not None)
@@ -119,7 +117,7 @@ def test_a_client_says_that_it_lives_while_its_goal_is_worked_on(graph, timeout)
 
 @pytest.mark.parametrize('resumes', [0, 2])
 def test_a_servo_that_could_go_on_is_asked_to_as_often_as_allowed_and_once_a_hold(graph, resumes):
-    servo, track = graph.add(Servo), graph.add(TrackNode, resumes=resumes)
+    servo, track = ready(graph, robot=False, resumes=resumes)
     asked = []
 
     def on_pause(request, response):
@@ -127,9 +125,8 @@ def test_a_servo_that_could_go_on_is_asked_to_as_often_as_allowed_and_once_a_hol
         return response
 
     servo.create_service(SetBool, 'edge_servo/pause', on_pause)
-    wait(graph, track._client.server_is_ready)
     wait(graph, track._pause.service_is_ready)
-    track._seen = track._tared = track._felt = track._robot = True
+    track._robot = True
     wait(graph, lambda: servo.goals)
     went_on = TrackEdge.Feedback(state=ServoStatus.TRACK)
     told = [TrackEdge.Feedback(state=ServoStatus.HOLD, reason_code=code) for code in (

@@ -2,7 +2,6 @@
 from contextlib import contextmanager
 from http.client import HTTPConnection
 import json
-import threading
 import time
 
 import numpy as np
@@ -14,6 +13,7 @@ from sensor_msgs.msg import Image
 
 from edge_tracking.graph import Graph
 from edge_tracking.view import drawn, ESTIMATE, main, PALETTE, ViewNode
+from edge_tracking.web import server as server_module
 from edge_tracking.web.page import INVALID, levels
 from edge_tracking.web.server import Server
 from tactile_common.errors import ConfigurationError
@@ -44,34 +44,31 @@ def test_page_is_for_this_machine_alone():
         assert answer.headers['X-Content-Type-Options'] == 'nosniff'
         # A page of another site whose name was made to point here.
         assert get(server, '/', Host='evil.example').status == 403
-        assert get(server, '/events', Host='evil.example').status == 403
+        assert get(server, '/newest', Host='evil.example').status == 403
         assert get(server, '/../../etc/passwd').status == 404
 
 
 def test_others_need_the_token():
     with serving('0.0.0.0') as server:
         assert server.url.endswith(f'/?token={server.token}') and len(server.token) > 20
-        for wrong in ('/', '/?token=', '/?token=x', '/events', '/?token=%ff'):
+        for wrong in ('/', '/?token=', '/?token=x', '/newest', '/?token=%ff'):
             assert get(server, wrong).status == 403
         assert get(server, f'/?token={server.token}').status == 200
 
 
-def test_clients_get_the_newest_word_and_are_counted():
+def test_the_newest_message_is_told_and_who_asks_for_it_watches(monkeypatch):
     with serving() as server:
-        first, second = get(server, '/events'), get(server, '/events')
-        assert first.headers['Content-Type'] == 'text/event-stream'
-        assert server.feed.clients == 2
-        read = [first.readline()]
-        while b'data' not in read[-1]:
-            server.feed.put('{"a": 1}')
-            read.append(first.readline())
-        assert read[-1] == b'data: {"a": 1}\n'
-        first.close(), second.close()
-        end = time.monotonic() + 20.0
-        while server.feed.clients and time.monotonic() < end:
-            server.feed.put('{}')
-            time.sleep(0.05)
-        assert server.feed.clients == 0
+        assert not server.watched
+        assert get(server, '/newest').read() == b'null' and server.watched
+        server.newest = b'{"a": 1}'
+        connection = HTTPConnection('127.0.0.1', server.server_address[1], timeout=10.0)
+        for _ in range(2):  # one connection is enough
+            connection.request('GET', '/newest')
+            answer = connection.getresponse()
+            assert answer.headers['Content-Type'] == 'application/json'
+            assert answer.read() == b'{"a": 1}'
+        monkeypatch.setattr(server_module, 'LEFT', 0.0)
+        assert not server.watched
 
 
 def test_a_port_that_is_taken_is_refused(capsys):
@@ -119,24 +116,24 @@ def test_view_of_a_sensor():
         assert not any(it.get_subscription_count() for it, _ in topics)  # nobody looks
         port = int(view.url.rpartition(':')[2].strip('/'))
         connection = HTTPConnection('127.0.0.1', port, timeout=10.0)
-        connection.request('GET', '/events')
-        stream, words = connection.getresponse(), []
-        spin(graph, lambda: all(it.get_subscription_count() for it, _ in topics))
+
+        def newest():
+            connection.request('GET', '/newest')
+            return json.loads(connection.getresponse().read())
+        spin(graph, lambda: not newest() and all(it.get_subscription_count() for it, _ in topics))
         seen = []
         sender.create_subscription(Image, 'image/view', seen.append, qos_profile_sensor_data)
 
         def told_all():
             for publisher, message in topics:
                 publisher.publish(message)
-            newest = json.loads(words[-1][5:]) if words else {}
-            return seen and all(newest.get(key) for key in ('image', 'contact', 'status'))
-        threading.Thread(target=lambda: words.extend(
-            line for line in stream if line.startswith(b'data')), daemon=True).start()
+            shown = newest() or {}
+            return seen and all(shown.get(key) for key in ('image', 'contact', 'status'))
         spin(graph, told_all)
-        newest = json.loads(words[-1][5:])
-        assert newest['status']['reason'] == HOSTILE and newest['position'] is None
-        assert newest['contact']['type'] == 'line' and newest['image']['rows'] == 16
-        assert newest['contact']['place']['x'] == told['/tactile/contact'].x
+        shown = newest()
+        assert shown['status']['reason'] == HOSTILE and shown['position'] is None
+        assert shown['contact']['type'] == 'line' and shown['image']['rows'] == 16
+        assert shown['contact']['place']['x'] == told['/tactile/contact'].x
         assert seen[0].header.stamp == told['/tactile/image'].header.stamp
 
 

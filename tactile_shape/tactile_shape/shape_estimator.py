@@ -19,9 +19,8 @@ def make_surface_estimator(method: str, config: LocalQuadricConfig) -> SurfaceEs
 class ShapeEstimator:
     """Patches and the model of an object, updated with each contact."""
 
-    def __init__(self, estimator: SurfaceEstimator, model: ObjectModel | None = None):
-        self._estimator = estimator
-        self.model = model or ObjectModel()
+    def __init__(self, estimator: SurfaceEstimator):
+        self._estimator, self.model = estimator, ObjectModel()
 
     def take(self, placed: Placed) -> Patch:
         """Process a contact placed by ContactPath; return the Patch there."""

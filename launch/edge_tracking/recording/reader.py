@@ -70,19 +70,13 @@ def read_run(path, namespace=None, *, joints=True) -> run.RunData:
         )
 
 
-def _pressure(message):
-    """Return the shallowest complete pressure layer of an image; None if there is none."""
+def _image(message):
+    """Return a list with shallowest pressure, (unit, pitches) and columns, or an empty list."""
     layers = [layer for layer in message.layers if layer.component == _COMPONENT_ZZ
               and layer.stress.size == message.rows * message.columns > 0]
-    return min(layers, key=lambda layer: layer.depth, default=None)
-
-
-def _image(message):
-    """Return a list with pressure, (unit, pitches) and columns of an image, or an empty list."""
-    layer = _pressure(message)
-    return [] if layer is None else [(
-        layer.stress.reshape(message.rows, message.columns),
-        (layer.unit, message.pitch_x, message.pitch_y), run.Images.row(message))]
+    return [(layer.stress.reshape(message.rows, message.columns),
+             (layer.unit, message.pitch_x, message.pitch_y), run.Images.row(message))
+            for layer in sorted(layers, key=lambda layer: layer.depth)[:1]]
 
 
 def _images(rows):

@@ -2,6 +2,7 @@
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 import threading
 from time import time_ns
@@ -61,7 +62,8 @@ class BagWriter:
             self._writer.open()
             assert isinstance(self._writer.storage, McapWriter)
             self._storage = self._writer.storage
-            self._storage.compressor = _compressed
+            self._storage.compressor = partial(zstd.compress, options={
+                zstd.CompressionParameter.checksum_flag: 1})  # reveals damage
         except WriterError as error:
             raise ConfigurationError(
                 f'recording {path}: exists already; give the name of a new folder') from error
@@ -166,11 +168,6 @@ class RecorderNode(TactileNode):
         self.diagnose(
             DiagnosticStatus.ERROR if self.failed else level, self.failed or 'recording',
             {'written': self.written, 'dropped': self.dropped, 'heard': heard}, name='recorder')
-
-
-def _compressed(data: bytes) -> bytes:
-    """Compress with zstd, with a checksum that reveals damage."""
-    return zstd.compress(data, options={zstd.CompressionParameter.checksum_flag: 1})
 
 
 def _offered(qos):

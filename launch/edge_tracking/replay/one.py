@@ -255,19 +255,14 @@ def replay_one(path: str | Path, options: Options, quiet: bool = False) -> Resul
                 np.errstate(all='ignore'):
             result = replay.run(progress)
     if options.out and options.parquet:
-        _to_parquet(options.out)
+        from pyarrow import csv as tables
+        from pyarrow import parquet
+        for file in options.out.glob('*.csv'):
+            parquet.write_table(tables.read_csv(file), file.with_suffix('.parquet'))
     if options.out:
         (options.out / RESULT).write_text(json.dumps(
             {**asdict(result), 'status': result.status}, indent=1))
     return result
-
-
-def _to_parquet(folder: Path) -> None:
-    """Also write the tables of a folder as Parquet."""
-    from pyarrow import csv as tables
-    from pyarrow import parquet
-    for path in folder.glob('*.csv'):
-        parquet.write_table(tables.read_csv(path), path.with_suffix('.parquet'))
 
 
 def describe(result: Result) -> str:

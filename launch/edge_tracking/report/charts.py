@@ -92,7 +92,9 @@ def over_time(run: RunData, summary: Mapping[str, Any], place: np.ndarray | None
                    for axis in (0, 1) if np.isfinite(place[:, axis]).any()]
     begin = [[True, float(time[np.argmax(settled)]), '', GREY]] if settled.any() else []
     active = time[statuses.state != State.IDLE]
-    common = {'bands': _states(run), 'domain': active[[0, -1]].tolist()}
+    bands = [[float(run.seconds(it.begin)), float(run.seconds(it.end)), SHADES[it.state]]
+             for it in stages(run) if it.state in SHADES]
+    common = {'bands': bands, 'domain': active[[0, -1]].tolist()}
     off = 'off centre [mm]'
     return [
         chart("What is followed, from the pad's centre", 'time [s]', off, series, marks=begin,
@@ -100,12 +102,6 @@ def over_time(run: RunData, summary: Mapping[str, Any], place: np.ndarray | None
         chart('The same, enlarged to what remains after settling', 'time [s]', off, series,
               range=_around(judged), marks=begin, **common),
         {**_force(run, summary, real, begin), **common}]
-
-
-def _states(run: RunData) -> list[list[Any]]:
-    told = [(stage, State[stage.state.upper()]) for stage in stages(run)]
-    return [[float(run.seconds(stage.begin)), float(run.seconds(stage.end)), SHADES[state]]
-            for stage, state in told if state in SHADES]
 
 
 def _around(values: np.ndarray) -> list[float] | None:

@@ -60,17 +60,14 @@ def _head(it: Shown) -> str:
         action = it.scene.action if it.scene else law.action if law else ''
         verdict = f'{WHAT.get(action, "Goal")} {"" if summary["ok"] else "not "}' + (
             'tracked' if action else 'met')
+    origin = 'robot' if it.run.nodes else 'simulated or robot: not recorded'
+    if it.scene or it.run.nodes & MOCKS:
+        origin = 'simulated'
     lead = f'{summary["reason"]}.{_lead(summary)} {busy(summary)}'.strip(' .') + '.'
     return (f'<p><span class="badge {"" if summary["ok"] else "bad"}">{escape(verdict)}</span>'
-            f'<span class="badge plain">{escape(_origin(it))}</span></p>\n'
+            f'<span class="badge plain">{origin}</span></p>\n'
             f'<p>{escape(lead[0].upper() + lead[1:])}</p>\n{html.table(_about(it))}\n'
             + html.numbers(shown(summary, METRICS if of_servo else OF_FRAMES)))
-
-
-def _origin(it: Shown) -> str:
-    if it.scene or it.run.nodes & MOCKS:
-        return 'simulated'
-    return 'robot' if it.run.nodes else 'simulated or robot: not recorded'
 
 
 def _about(it: Shown) -> list[tuple[str, ...]]:
@@ -213,7 +210,7 @@ def _in_scene(it: Shown) -> Section:
 
 def _states(run: RunData) -> str:
     rows = [(f'{run.seconds(stage.begin):.3f}', f'{1e-9 * (stage.end - stage.begin):.3f}',
-             stage.state, stage.reason) for stage in stages(run)]
+             stage.state.name.lower(), stage.reason) for stage in stages(run)]
     return figure(
         html.table(rows[:MOST_ROWS], ('from [s]', 'for [s]', 'state', 'reason')),
         f'This run: {len(rows)} states' + (

@@ -19,7 +19,7 @@ class Stage(NamedTuple):
 
     begin: int  # stamps [ns]
     end: int
-    state: str
+    state: State
     reason: str
 
 
@@ -30,7 +30,7 @@ def stages(run: RunData) -> list[Stage]:
         return []
     changed = 1 + np.flatnonzero((state[1:] != state[:-1]) | (reason[1:] != reason[:-1]))
     return [Stage(int(stamps[first]), int(stamps[min(after, len(stamps) - 1)]),
-                  State(int(state[first])).name.lower(), str(reason[first]))
+                  State(int(state[first])), str(reason[first]))
             for first, after in pairwise([0, *changed, len(stamps)])]
 
 
@@ -83,7 +83,7 @@ def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
         'force': packed(force, '<f4'), 'force_scale': scale, 'unit': unit,
         'path': packed(_at(run.poses.stamp_ns, run.poses.position, stamps), '<f4'),
         'touched': packed(touched[thinned(len(touched), MAX_POINTS)], '<f4'),
-        'stages': [[stage.state, stage.reason] for stage in told],
+        'stages': [[stage.state.name.lower(), stage.reason] for stage in told],
         'stage': packed(_newest(np.array([stage.begin for stage in told], np.int64), stamps),
                         '<i4'),
         'first': int(np.nanargmax(force)) if np.isfinite(force).any() else 0}

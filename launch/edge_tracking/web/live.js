@@ -1,5 +1,5 @@
 'use strict';
-const find = name => document.getElementById(name), WAY_POINTS = 3000;
+const find = name => document.getElementById(name), WAY_POINTS = 3000, PERIOD = 33;  // ms
 let newest = null, drawn = null, heard = 0, path = [];
 const view = turnable(find('way'), () => { drawn = null; });
 
@@ -34,10 +34,20 @@ function draw() {
   }
 }
 
-const source = new EventSource('events' + location.search);
-source.onmessage = event => {
-  newest = JSON.parse(event.data, (_, value) => value === null ? NaN : value);
-  heard = performance.now();
-  if (newest.position) path = path.concat(newest.position).slice(-3 * WAY_POINTS);
-};
+async function ask() {
+  let pause = PERIOD;
+  try {
+    const text = await (await fetch('newest' + location.search)).text();
+    const answer = JSON.parse(text, (_, value) => value === null ? NaN : value);
+    if (answer && (!newest || answer.stamp !== newest.stamp)) {
+      newest = answer;
+      heard = performance.now();
+      if (newest.position) path = path.concat(newest.position).slice(-3 * WAY_POINTS);
+    }
+  } catch (error) {
+    pause = 1e3;  // the view has ended; it may start again
+  }
+  setTimeout(ask, pause);
+}
+ask();
 requestAnimationFrame(draw);

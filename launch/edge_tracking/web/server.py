@@ -1,56 +1,20 @@
-"""Server of one read-only page and its stream of events, on a port of this machine."""
-from collections.abc import Iterator
-from contextlib import contextmanager
+"""Server of one read-only page and of the newest message for it, on a port of this machine."""
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ipaddress import ip_address
+import math
 import secrets
 import socket
 import threading
+import time
 from urllib.parse import parse_qs, urlsplit
 
 from tactile_common.errors import ConfigurationError
 
-MOST = 8  # simultaneous clients
-KEEP_ALIVE = 1.0  # s, after which a disconnected client is noticed
+LEFT = 2.0  # s without a request, after which nobody looks at the page
+NOTHING = b'null'
 HEADERS = {'X-Content-Type-Options': 'nosniff', 'Referrer-Policy': 'no-referrer',
            'Cache-Control': 'no-store', 'X-Frame-Options': 'DENY'}
-
-
-class Feed:
-    """The newest message for all clients; slow clients miss some."""
-
-    def __init__(self) -> None:
-        self.clients = 0
-        self._text, self._number, self._changed = '', 0, threading.Condition()
-
-    def put(self, text: str) -> None:
-        """Send a new message to all clients."""
-        with self._changed:
-            self._text, self._number = text, self._number + 1
-            self._changed.notify_all()
-
-    def words(self) -> Iterator[str]:
-        """Yield messages as they arrive, and an empty one after each timeout."""
-        seen = self._number
-        while True:
-            with self._changed:
-                if self._number == seen:
-                    self._changed.wait(KEEP_ALIVE)
-                text, seen = self._text if self._number != seen else '', self._number
-            yield text
-
-    @contextmanager
-    def client(self) -> Iterator[bool]:
-        """Count a client; yield True if there is room for it."""
-        with self._changed:
-            room = self.clients < MOST
-            self.clients += room
-        try:
-            yield room
-        finally:
-            with self._changed:
-                self.clients -= room
 
 
 def is_local(host: str) -> bool:
@@ -62,12 +26,16 @@ def is_local(host: str) -> bool:
 
 
 class Server(ThreadingHTTPServer):
-    """Serves a page and its `feed`; ConfigurationError if the port is not available."""
+    """
+    Serves a page, and the bytes of `newest`, which the page asks for again and again.
+
+    Raises a ConfigurationError if the port is not available.
+    """
 
     daemon_threads = True
 
     def __init__(self, host: str, port: int, page: str):
-        self.feed, self.page = Feed(), page.encode()
+        self.page, self.newest, self.asked = page.encode(), NOTHING, -math.inf
         self.token = '' if is_local(host) else secrets.token_urlsafe(16)
         self.address_family = socket.AF_INET6 if ':' in host else socket.AF_INET
         try:
@@ -75,6 +43,11 @@ class Server(ThreadingHTTPServer):
         except (OSError, OverflowError) as error:
             raise ConfigurationError(f'http://{host}:{port} cannot be served: {error}') from error
         threading.Thread(target=self.serve_forever, daemon=True).start()
+
+    @property
+    def watched(self) -> bool:
+        """True if somebody looks at the page."""
+        return time.monotonic() - self.asked < LEFT
 
     @property
     def url(self) -> str:
@@ -91,6 +64,7 @@ class Server(ThreadingHTTPServer):
 
 class _Handler(BaseHTTPRequestHandler):
     server: Server
+    protocol_version = 'HTTP/1.1'  # one connection for all requests of a page
     timeout = 10.0
 
     def do_GET(self) -> None:
@@ -98,14 +72,10 @@ class _Handler(BaseHTTPRequestHandler):
         if not self._allowed(asked.query):
             self.send_error(HTTPStatus.FORBIDDEN)
         elif asked.path == '/':
-            self._begin('text/html; charset=utf-8')
-            self.wfile.write(self.server.page)
-        elif asked.path == '/events':
-            with self.server.feed.client() as room:
-                if room:
-                    self._stream()
-                else:
-                    self.send_error(HTTPStatus.SERVICE_UNAVAILABLE)
+            self._answer('text/html; charset=utf-8', self.server.page)
+        elif asked.path == '/newest':
+            self.server.asked = time.monotonic()
+            self._answer('application/json', self.server.newest)
         else:
             self.send_error(HTTPStatus.NOT_FOUND)
 
@@ -117,19 +87,13 @@ class _Handler(BaseHTTPRequestHandler):
         name = urlsplit(f'//{self.headers.get("Host", "")}').hostname
         return is_local(name or '')
 
-    def _begin(self, kind: str) -> None:
+    def _answer(self, kind: str, body: bytes) -> None:
         self.send_response(HTTPStatus.OK)
-        for name, value in {'Content-Type': kind, **HEADERS}.items():
+        for name, value in {'Content-Type': kind, 'Content-Length': str(len(body)),
+                            **HEADERS}.items():
             self.send_header(name, value)
         self.end_headers()
-
-    def _stream(self) -> None:
-        self._begin('text/event-stream')
-        try:
-            for text in self.server.feed.words():
-                self.wfile.write(f'data: {text}\n\n'.encode() if text else b':\n\n')
-        except OSError:
-            pass  # the client is gone
+        self.wfile.write(body)
 
     def log_message(self, *_: object) -> None:
         """Do not log requests."""

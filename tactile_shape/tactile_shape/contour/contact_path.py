@@ -30,7 +30,6 @@ Place = tuple[float, float]  # x, y on the array [m]
 class SpatialContact:
     """A contact in the base frame; for an edge, its point nearest to the pad's centre."""
 
-    stamp_ns: int
     position: np.ndarray  # (3,) [m]
     normal: np.ndarray  # (3,), the object's inward unit normal
     edge: bool
@@ -110,13 +109,6 @@ def on_pad(place: Place, finger_radius: float = 0.0) -> tuple:
     return finger_radius * (normal - [0.0, 0.0, 1.0]), normal
 
 
-class _Waiting(NamedTuple):
-    stamp_ns: int
-    contact: Contact
-    extra: object
-    picture: TactileImage | None
-
-
 class ContactPath:
     """
     Transforms contacts into space, with poses that may arrive before or after them.
@@ -131,7 +123,8 @@ class ContactPath:
 
     def __init__(self, finger_radius: float = 0.0):
         self._finger_radius, self._poses = finger_radius, PoseBuffer()
-        self._waiting: deque[_Waiting] = deque(maxlen=WAITING)
+        # Stamp [ns], contact, its image and its extra value.
+        self._waiting: deque[tuple[int, Contact, TactileImage | None, Any]] = deque(maxlen=WAITING)
         self._pictures: dict[int, Callable[[], TactileImage | None]] = {}  # by their stamps [ns]
         self.lost = 0  # number of contacts without a pose
         self._last: int | None = None  # stamp of the last contact [ns]
@@ -173,28 +166,27 @@ class ContactPath:
             picture = unpack()
         if len(self._waiting) == self._waiting.maxlen:
             self.lost += 1
-        self._waiting.append(_Waiting(stamp_ns, contact, extra, picture))
+        self._waiting.append((stamp_ns, contact, picture, extra))
         return self.settle()
 
     def settle(self) -> list[Placed]:
         """Transform the waiting contacts for which poses have arrived."""
         placed = []
         newest = self._poses.newest_ns
-        while self._waiting and newest is not None and self._waiting[0].stamp_ns <= newest:
-            waiting = self._waiting.popleft()
-            contact, anew, reason = self._place(waiting)
-            placed.append(Placed(waiting.extra, contact, anew, reason))
+        while self._waiting and newest is not None and self._waiting[0][0] <= newest:
+            stamp_ns, contact, picture, extra = self._waiting.popleft()
+            placed.append(Placed(extra, *self._place(stamp_ns, contact, picture)))
         return placed
 
-    def _place(self, waiting: _Waiting) -> tuple[SpatialContact | None, bool, str]:
+    def _place(self, stamp: int, contact: Contact, picture: TactileImage | None
+               ) -> tuple[SpatialContact | None, bool, str]:
         """Return contact, whether a new path begins, and the reason if the contact is None."""
-        stamp = waiting.stamp_ns
-        place, edge = locate(waiting.contact, waiting.picture)
+        place, edge = locate(contact, picture)
         position, normal = (None, None) if place is None else on_pad(place, self._finger_radius)
-        if waiting.contact.type == ContactType.NONE:
+        if contact.type == ContactType.NONE:
             self._last = None
             return None, True, 'nothing is touched'
-        if self._leaves(stamp, waiting.contact.moments.m0):
+        if self._leaves(stamp, contact.moments.m0):
             return None, False, 'too light: the pad lifts off'
         if position is None:
             return None, False, 'the contact is not located'
@@ -204,8 +196,8 @@ class ContactPath:
             return None, False, 'no pose of the sensor at its stamp'
         anew = self._last is None or not 0 <= stamp - self._last <= MAX_GAP_NS
         self._last = stamp
-        return SpatialContact(stamp, pose[:3, :3] @ position + pose[:3, 3],
-                              pose[:3, :3] @ normal, edge), anew, ''
+        turn = pose[:3, :3]
+        return SpatialContact(turn @ position + pose[:3, 3], turn @ normal, edge), anew, ''
 
     def _leaves(self, stamp: int, load: float) -> bool:
         """Return True if the load is far below its maximum: places are then unreliable."""

@@ -135,7 +135,7 @@ class ShapeTopics:
         stamp_ns = stamp_to_ns(msg.header.stamp)
         anew = not 0 <= stamp_ns - self._touched_ns <= MAX_GAP_NS
         self._touched_ns = stamp_ns
-        contact = SpatialContact(stamp_ns, pose[:3, 3], -pose[:3, 2], edge=False)
+        contact = SpatialContact(pose[:3, 3], -pose[:3, 2], edge=False)
         self._take([Placed((stamp_ns, ''), contact, anew, '')])
 
     def _pose(self, msg: PoseStamped, topic: str) -> np.ndarray | None:

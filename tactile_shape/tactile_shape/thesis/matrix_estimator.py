@@ -1,6 +1,6 @@
 """The thesis' estimator for a stream of contacts: ten parameters from the last few of them."""
 from collections import deque
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -22,11 +22,6 @@ from tactile_shape.types.tangent import tangent_frame
 _CURVATURE = [PARAMETERS.index(name) for name in ('c11', 'c12', 'c22')]
 
 
-class _Contact(NamedTuple):
-    position: np.ndarray
-    normal: np.ndarray
-
-
 class MatrixEstimator(SurfaceEstimator):
     """
     Estimates the surface matrix at each new contact of a path.
@@ -39,21 +34,21 @@ class MatrixEstimator(SurfaceEstimator):
     def __init__(self, config: LocalQuadricConfig | None = None, contacts: int = 6):
         self.config = config or LocalQuadricConfig()
         self._spacing = self.config.window / (contacts - 1)
-        self._kept: deque[_Contact] = deque(maxlen=contacts)
+        self._kept: deque[np.ndarray] = deque(maxlen=contacts)  # position and normal, (6,)
         self.reset()
 
     def reset(self) -> None:  # noqa: D102
         self._kept.clear()
-        self._newest: _Contact | None = None
+        self._newest: np.ndarray | None = None
 
     def add(self, position: np.ndarray, normal: np.ndarray) -> bool:  # noqa: D102
         unit = usable_normal(position, normal)
         if unit is None:
             return False
-        newest = self._newest = _Contact(position, unit)
+        self._newest = np.concatenate([position, unit])
         if not self._kept or (
-                np.linalg.norm(position - self._kept[-1].position) >= self._spacing):
-            self._kept.append(newest)
+                np.linalg.norm(position - self._kept[-1][:3]) >= self._spacing):
+            self._kept.append(self._newest)
         return True
 
     def estimate(self) -> Patch:
@@ -63,7 +58,7 @@ class MatrixEstimator(SurfaceEstimator):
         contacts = list(self._kept)
         if contacts[-1] is not self._newest:
             contacts = [*contacts[1 - (self._kept.maxlen or 0):], self._newest]
-        positions, normals = (np.array(values) for values in zip(*contacts, strict=True))
+        positions, normals = np.split(np.array(contacts), 2, axis=1)
         points, normals, frame = contacts_in_frame(positions, normals)
         fit = fit_matrix(points, normals, position_noise=self.config.position_noise,
                          normal_noise=NORMAL_NOISE)
