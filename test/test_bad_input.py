@@ -93,22 +93,16 @@ def test_malformed_parameter_file_is_named(files):
     assert not any('Traceback' in line for line in lines)
 
 
-@pytest.mark.parametrize('arguments, text', [
-    (['--scene', 'nowhere'], "scene 'nowhere' is unknown; shipped are "),
-    (['--scene', '{}/bad.yaml'], 'bad.yaml: is not YAML'),
-    (['--robot-description', '{}/bad.urdf'], 'malformed XML'),
-    (['--sensor', 'flexitac'], 'needs --port'),
-], ids=['unknown_scene', 'malformed_scene', 'malformed_urdf', 'no_port'])
-def test_composed_process_refuses_in_one_line(files, arguments, text):
-    status, lines = run('edge_tracking', 'composed', *(a.format(files) for a in arguments))
+def test_composed_process_refuses_in_one_line(files):
+    status, lines = run(
+        'edge_tracking', 'composed', '--robot-description', str(files / 'bad.urdf'))
     assert status == 2
     assert len(lines) == 1, lines
-    assert lines[0].startswith('composed: ') and text in lines[0]
+    assert lines[0].startswith('composed: ') and 'malformed XML' in lines[0]
 
 
 @pytest.mark.parametrize('option, name', [
-    ('--parameters', 'bad.yaml'), ('--parameters', 'list.yaml'), ('--parameters', 'none.yaml'),
-    ('--recording', 'none.npz'), ('--recording', 'bad.urdf'), ('--scene', 'list.yaml')])
+    ('--parameters', 'list.yaml'), ('--recording', 'bad.urdf'), ('--scene', 'list.yaml')])
 def test_demo_refuses_a_file_once_and_leaves_nothing(files, option, name):
     status, lines = run('edge_tracking', 'demo', option, str(files / name),
                         '--out', str(files / 'out'))

@@ -3,7 +3,7 @@
 import pytest
 from recorded_run import straight_scene, TOPICS, write_bag
 
-from edge_tracking.recording.reader import read_run
+from edge_tracking.recording.run import read_run
 
 
 @pytest.fixture(scope='session')

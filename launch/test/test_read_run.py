@@ -5,9 +5,9 @@ import pytest
 from recorded_run import pose_at, START, TOPICS, write_bag
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from edge_tracking.recording import reader
+from edge_tracking.recording import run as run_module
 from edge_tracking.recording.frames_summary import lost_images, summarise_recording
-from edge_tracking.recording.reader import read_run
+from edge_tracking.recording.run import read_run
 from tactile_common.errors import ConfigurationError
 
 
@@ -32,7 +32,7 @@ def test_run_reads_back_as_written(bag, scene):
 
 def test_of_a_long_run_some_messages_are_read_and_all_stamps(bag, monkeypatch):
     whole = read_run(bag)
-    monkeypatch.setattr(reader, 'MOST', 100)
+    monkeypatch.setattr(run_module, 'MOST', 100)
     thin, every = read_run(bag, joints=False), -(-len(whole.images.stamp_ns) // 100)
     np.testing.assert_array_equal(thin.images.frames, whole.images.frames[::every])
     np.testing.assert_array_equal(thin.stamps['image'], whole.images.stamp_ns)

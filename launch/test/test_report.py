@@ -14,7 +14,7 @@ import pytest
 from recorded_run import TOPICS, write_bag
 
 from edge_tracking.recording.frames_summary import summarise_recording
-from edge_tracking.recording.reader import read_run
+from edge_tracking.recording.run import read_run
 from edge_tracking.recording.summary import summarise, truth
 from edge_tracking.report import charts
 from edge_tracking.report.command import main, summary_of

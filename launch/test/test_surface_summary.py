@@ -39,7 +39,7 @@ def test_a_straight_way_over_a_ball_does_not_see_it_bend_across():
 
 
 def test_a_winding_way_over_a_ball_sees_all_of_it():
-    angle = np.linspace(-0.8, 0.8, 2000)
+    angle = np.linspace(-0.8, 0.8, 1000)
     told = shape_of(patches(np.column_stack(
         [np.sin(angle), 0.15 * np.sin(40.0 * angle), np.cos(angle)])))
     assert told['surface_radius'] == pytest.approx(RADIUS, rel=0.01)

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.shape.surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 from tactile_common.errors import ConfigurationError
-from tactile_shape.local_surface.contact_window import MAX_CELLS
-from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
+from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig, MAX_CELLS
 from tactile_shape.types.patch import Kind
 from tactile_shape.types.surface_matrix import SurfaceMatrix
 
@@ -78,7 +77,7 @@ def test_averaging_in_cells_shifts_by_the_sagitta_of_a_cell_at_most():
 def test_bars_with_realistic_noise(surface, kind, median, most, right):
     rng = np.random.default_rng(7)
     errors, kinds = [], []
-    for _ in range(100):
+    for _ in range(50):
         path = Weave(heading=rng.uniform(0.0, np.pi))
         patch = last(ESTIMATOR, *add_noise(*path.trace(surface, 0.028), rng))
         errors.append(error(patch, surface, path))
@@ -92,7 +91,7 @@ def test_bars_with_realistic_noise(surface, kind, median, most, right):
 def test_covariance_is_that_of_the_curvature(surface):
     rng = np.random.default_rng(8)
     scores = []
-    for _ in range(150):
+    for _ in range(80):
         path = Weave(heading=rng.uniform(0.0, np.pi))
         patch = last(ESTIMATOR, *add_noise(*path.trace(surface, 0.028), rng))
         off = patch.curvature[0] - true_curvature(surface)[0]
@@ -161,7 +160,7 @@ def noisy_everywhere(std, trials, case, rng):
 @pytest.mark.parametrize('case', BARS[1:])
 def test_bars_hold_with_noise_of_height_that_was_not_told(case):
     surface, kind, median, most, right = case
-    patches = list(noisy_everywhere(1.5e-4, 100, case, np.random.default_rng(14)))
+    patches = list(noisy_everywhere(1.5e-4, 50, case, np.random.default_rng(14)))
     errors = [error(patch, surface, path) for patch, path in patches]
     assert np.median(errors) < median and np.percentile(errors, 95) < most
     assert np.mean([patch.kind == kind for patch, _ in patches]) >= right

@@ -15,7 +15,6 @@ from visualization_msgs.msg import MarkerArray
 
 from benchmarks.shape.surfaces import add_noise, sphere, Weave
 from tactile_common.errors import ConfigurationError
-from tactile_common.errors import ConfigurationError as ParameterError
 from tactile_common.ros.conversions import stamp_from_ns, stamp_to_ns
 from tactile_common.ros.runner import make_executor
 from tactile_msgs.msg import Contact as ContactMsg
@@ -117,6 +116,7 @@ def test_a_trace_over_a_sphere_of_70_mm():
             patch = it.touch(
                 contact_msg(stamp, x=x), pose_msg(stamp, point, normal, 'base', (x, 0)))
             assert stamp_to_ns(patch.header.stamp) == stamp and patch.header.frame_id == 'base'
+            assert patch.sensor == 'pad'
             if patch.valid and all(patch.curvature_seen) and patch.extent > 0.02:
                 assert patch.kind == SurfacePatch.KIND_SPHERE
                 radii.append(1.0 / patch.curvature[0])
@@ -133,21 +133,6 @@ def test_a_trace_over_a_sphere_of_70_mm():
     assert np.abs(sphere(RADIUS).distance(xyz)).max() < 3e-4
     assert {marker.ns for marker in markers} == {
         'surface', 'patch', 'contour', 'principal directions'}
-
-
-def test_poses_are_interpolated_at_the_stamp_of_a_contact():
-    up = np.array([0.0, 0.0, 1.0])
-    with bench() as it:
-        it.replay.poses.publish(pose_msg(100 * MS, np.zeros(3), up))
-        it.replay.contacts.publish(contact_msg(105 * MS, x=1e-3))
-        it.wait(lambda: it.node._shape._path._waiting, 'the contact')
-        assert not it.replay.patches  # its later pose has not come
-        it.replay.poses.publish(pose_msg(110 * MS, np.array([0.02, 0.0, 0.0]), up))
-        it.wait(lambda: it.replay.patches, 'a patch')
-        (patch,) = it.replay.patches
-    assert not patch.valid and 'too short' in patch.reason
-    assert patch.frame.position.x == pytest.approx(0.011)
-    assert patch.sensor == 'pad'
 
 
 def test_lost_contact_begins_a_new_path():
@@ -265,14 +250,12 @@ def test_the_other_method():
     np.testing.assert_allclose(1.0 / np.array(patch.curvature), RADIUS, rtol=1e-6)
 
 
-@pytest.mark.parametrize('name, value, error', [
-    ('window', 0.0, ParameterError), ('window', 'wide', ParameterError),
-    ('method', 'magic', ConfigurationError)])
-def test_refused_parameters(name, value, error):
+@pytest.mark.parametrize('name, value', [('window', 0.0), ('window', 'wide'), ('method', 'magic')])
+def test_refused_parameters(name, value):
     context = rclpy.Context()
     rclpy.init(context=context)
     try:
-        with pytest.raises(error, match=name):
+        with pytest.raises(ConfigurationError, match=name):
             ShapeEstimatorNode(
                 context=context, parameter_overrides=[Parameter(name, value=value)])
     finally:

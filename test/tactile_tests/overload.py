@@ -22,7 +22,7 @@ import numpy as np
 
 from edge_tracking.graph import add_servo, calibrate, Graph, linger, private_port
 from edge_tracking.process_group import apart
-from edge_tracking.recording.reader import read_run
+from edge_tracking.recording.run import read_run
 from edge_tracking.resources import share
 from edge_tracking.track import RESUMES, TrackNode
 from tactile_common.ros.bag_reader import Bag

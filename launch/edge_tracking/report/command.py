@@ -5,8 +5,7 @@ import sys
 from typing import Any
 
 from edge_tracking.recording.frames_summary import summarise_recording
-from edge_tracking.recording.reader import read_run
-from edge_tracking.recording.run import RunData
+from edge_tracking.recording.run import read_run, RunData
 from edge_tracking.recording.summary import is_of_servo, summarise, truth
 from edge_tracking.report.page import make_report, Shown
 from tactile_common.command_line import file_to_write, Help, Parser, refusing

@@ -1,11 +1,8 @@
-"""HTML of tables, charts and players, and the page of recordings side by side."""
+"""HTML of tables, numbers, charts and players; all texts are escaped."""
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 import json
-from pathlib import Path
 from typing import Any
-
-from edge_tracking.web.page import make_page
 
 
 def table(rows: Iterable[Sequence[str]], head: Sequence[str] = ()) -> str:
@@ -45,18 +42,4 @@ def _json(data: Mapping[str, Any]) -> str:
 
 def figure(content: str, caption: str) -> str:
     """Return the HTML of content with its caption, a text."""
-    return (f'<figure>{content}<figcaption><p>{escape(caption)}</p></figcaption></figure>')
-
-
-def write_page(path: str | Path, titles: Sequence[str], columns: Sequence[Mapping[str, str]]
-               ) -> None:
-    """Write a page of columns side by side, each the HTML of its sections by their headings."""
-    parts = []
-    for heading in dict.fromkeys(name for column in columns for name in column):
-        beside = ''.join(f'<div>{column.get(heading, "<p>Not recorded.</p>")}</div>'
-                         for column in columns)
-        parts.append((f'<h2>{escape(heading)}</h2>\n' if heading else '')
-                     + f'<div class="beside">{beside}</div>')
-    Path(path).write_text(make_page(
-        ' \u2013 '.join(titles), '\n'.join(parts), ('tactile.js', 'player.js', 'chart.js'),
-        kind='two' if len(columns) > 1 else ''), 'utf-8')
+    return f'<figure>{content}<figcaption><p>{escape(caption)}</p></figcaption></figure>'

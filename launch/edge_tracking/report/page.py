@@ -21,6 +21,7 @@ from edge_tracking.recording.summary import is_of_servo, latencies, rebuilt_outl
 from edge_tracking.report import charts, html
 from edge_tracking.report.html import figure
 from edge_tracking.report.player import chosen, player, stages
+from edge_tracking.web.page import make_page
 from tactile_common.command_line import version_of_all
 from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_simulation.metrics import busy, METRICS, percentile, rate, shown
@@ -47,9 +48,18 @@ def make_report(path: str | Path, *recordings: Shown) -> None:
     """Write the report of recordings, side by side, as HTML."""
     titles = [f'Scene \u201c{it.scene.name}\u201d' if it.scene else
               f'Recording \u201c{it.name}\u201d' for it in recordings]
-    html.write_page(path, titles, [
+    columns = [
         {'': f'<h1>{escape(title)}</h1>\n{_head(it)}', **dict(_sections(it, len(recordings)))}
-        for title, it in zip(titles, recordings, strict=True)])
+        for title, it in zip(titles, recordings, strict=True)]
+    parts = []
+    for heading in dict.fromkeys(name for column in columns for name in column):
+        beside = ''.join(f'<div>{column.get(heading, "<p>Not recorded.</p>")}</div>'
+                         for column in columns)
+        parts.append((f'<h2>{escape(heading)}</h2>\n' if heading else '')
+                     + f'<div class="beside">{beside}</div>')
+    Path(path).write_text(make_page(
+        ' \u2013 '.join(titles), '\n'.join(parts), ('tactile.js', 'player.js', 'chart.js'),
+        kind='two' if len(columns) > 1 else ''), 'utf-8')
 
 
 def _head(it: Shown) -> str:
