@@ -20,6 +20,8 @@ from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.cdr import packed
 from tactile_common.ros.conversions import NS
 from tactile_common.ros.message_definitions import definition
+from tactile_msgs.msg import ServoCalls
+from tactile_servo.journal import Call
 
 GOLDEN = Path(__file__).resolve().parents[2] / 'test/golden/noise'
 
@@ -129,8 +131,8 @@ def test_empty_and_foreign_bags(capsys, tmp_path):
         assert not (tmp_path / 'out').exists()
 
 
-def copy_without(path, *names):
-    """Write a golden bag again without some topics."""
+def copy_without(path, *names, more=()):
+    """Write a golden bag again without some topics, and with more messages (topic, message)."""
     with Bag(GOLDEN) as bag, Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         kept = [topic for topic in bag.topics if topic.rpartition('/')[2] not in names]
         to = {topic: writer.add_connection(
@@ -138,6 +140,8 @@ def copy_without(path, *names):
             rihs01=definition(bag.topics[topic]).digest) for topic in kept}
         for row in bag.messages(kept, raw=True):
             writer.write(to[row.topic], row.received_ns, row.message)
+        for topic, message in more:
+            writer.write(to[topic], bag.span[1], packed(message))
 
 
 def test_a_bag_of_before_replays_without_the_servo(capsys, tmp_path):
@@ -153,6 +157,14 @@ def test_inputs_that_were_not_recorded_are_told(capsys, tmp_path):
     assert 'joint_states' in str(Bag(GOLDEN).topics)
     status, text = run(capsys, tmp_path / 'deaf', '--compare')
     assert status == 1 and 'joint_trajectory' in text
+
+
+def test_a_goal_that_ends_later_than_it_was_recorded_goes_on(capsys, tmp_path):
+    """As after lost inputs: the result was read, but the servo of the replay still tracks."""
+    copy_without(tmp_path / 'late', more=[
+        ('/tactile/servo_calls', ServoCalls(call=[Call.FINISH], time=[0.0], value=[0]))])
+    status, text = run(capsys, tmp_path / 'late', '--compare')
+    assert status == 0, text
 
 
 def test_many_bags_fail_alone_and_are_not_done_again(capsys, tmp_path):

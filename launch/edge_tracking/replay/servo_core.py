@@ -21,7 +21,7 @@ from tactile_servo.journal import ask_again, Call, WITH_TEXT
 from tactile_servo.laws.registry import law_named
 from tactile_servo.robot_config import NodeConfig, robot_of
 from tactile_servo.supervisor import Supervisor
-from tactile_servo.types import Timing
+from tactile_servo.types import State, Timing
 from tactile_shape.nodes.shape_estimator import ShapeTopics
 
 WAITING = 4000  # inputs of one kind that are kept until used
@@ -117,6 +117,8 @@ class ServoCore:
         self._end_cycle(received_ns)
 
     def _ask(self, call: int, time: float, value: int, text: str) -> None:
+        if call == Call.FINISH and self.servo.state is not State.DONE:
+            return  # with inputs lost, or other settings, the goal goes on
         if call == Call.TUNE:
             text = json.dumps({**json.loads(text), **self._settings.changed.get(SERVO, {})})
         # Some were also refused in the recording, or are so with changed settings.
