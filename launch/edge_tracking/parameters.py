@@ -79,19 +79,10 @@ def check_file(path: str | Path, nodes: Mapping[str, str], law: str = DEFAULT) -
     """
     Check a parameter file for a graph; return warnings about probable mistakes.
 
-    Parameters
-    ----------
-    path : str or Path
-    nodes : Mapping
-        Full names, such as `/tactile/driver`, of the graph's nodes by their names.
-    law : str
-        Law of the servo.
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be read; a section is for a node of the graph in another namespace; a
-        value has the wrong type or is out of bounds; a node has no such parameter.
+    `nodes` are the full names, such as `/tactile/driver`, of the graph's nodes by their names, and
+    `law` is that of the servo. Raises a ConfigurationError if the file cannot be read, a section
+    is for a node of the graph in another namespace, a value has the wrong type or is out of
+    bounds, or a node has no such parameter.
     """
     file, warnings = ParameterFile(path), []
     for section, values in file.sections:

@@ -38,7 +38,7 @@ def actions(context):
     with Bag(value('bag')) as bag:
         names = RecordedTopics(bag, value('namespace') or None)
         names.require_touch(bag)
-        settings = Settings.of(bag, names)
+        settings = Settings(bag, names)
     common = {'namespace': names.prefix or '/', 'output': 'screen', 'prefix': PREFIX}
     yield from (SetEnvironmentVariable(*it) for it in local_environment().items())
     estimators = {name: row for name, row in ESTIMATORS.items()

@@ -22,7 +22,7 @@ from tactile_common.ros.conversions import set_stamp, stamp_to_ns
 def recorded(path):
     """Parameters by node, as far as they are in a bag that is being written."""
     with suppress(ConfigurationError, OSError), Bag(path) as bag:
-        return Settings.of(bag, RecordedTopics(bag, 'left')).recorded
+        return Settings(bag, RecordedTopics(bag, 'left')).recorded
     return {}
 
 

@@ -2,7 +2,8 @@
 from collections.abc import Iterable
 from typing import Any
 
-from geometry_msgs.msg import Point, PoseStamped
+from geometry_msgs.msg import Point, Pose, PoseStamped
+from nav_msgs.msg import Path
 import numpy as np
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
@@ -51,12 +52,11 @@ def patch_from_msg(message: Any) -> Patch:
         message.residual, np.array(message.surface_matrix).reshape(4, 4))
 
 
-def contour_point_to_msg(position: np.ndarray, header: Header) -> PoseStamped:
-    """Convert a point (3,) of a contour [m] to a PoseStamped; its orientation has no meaning."""
-    message = PoseStamped(header=header)
-    place = message.pose.position
-    place.x, place.y, place.z = map(float, position)
-    return message
+def contour_to_msg(points: np.ndarray, header: Header) -> Path:
+    """Convert a contour (N, 3) [m] to a Path; its orientations have no meaning."""
+    return Path(header=header, poses=[
+        PoseStamped(header=header, pose=Pose(position=_point(point)))
+        for point in points.tolist()])
 
 
 def model_to_markers(model: ObjectModel, patch: Patch | None, header: Header) -> MarkerArray:
@@ -70,12 +70,12 @@ def model_to_markers(model: ObjectModel, patch: Patch | None, header: Header) ->
 
 def _mesh(patches: list[Patch], header: Header, namespace: str) -> Marker:
     marker = _marker(header, namespace, Marker.TRIANGLE_LIST, 1.0)
-    mesh = mesh_of(patches)
-    corners = mesh.faces.reshape(-1)
-    marker.points = [_point(vertex) for vertex in mesh.vertices[corners].tolist()]
+    vertices, colours, faces = mesh_of(patches)
+    corners = faces.reshape(-1)
+    marker.points = [_point(vertex) for vertex in vertices[corners].tolist()]
     shades: dict[Shade, ColorRGBA] = {}  # one message per colour, shared by all vertices
     marker.colors = [shades.setdefault(shade, _colour(shade)) for shade in
-                     map(tuple, mesh.colours[corners].tolist())]
+                     map(tuple, colours[corners].tolist())]
     return marker
 
 

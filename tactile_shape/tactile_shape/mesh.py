@@ -2,7 +2,6 @@
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,16 +15,13 @@ PATCH_SIZE = 6e-3  # m, side of a drawn patch
 STEPS = 5  # points along each side
 
 
-class Mesh(NamedTuple):
-    """Coloured triangles."""
+def mesh_of(patches: Iterable[Patch]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """
+    Return squares of the patches as triangles, coloured by kind.
 
-    vertices: np.ndarray  # (V, 3) [m]
-    colours: np.ndarray  # (V, 3), red, green and blue
-    faces: np.ndarray  # (F, 3), vertices of each triangle
-
-
-def mesh_of(patches: Iterable[Patch]) -> Mesh:
-    """Return squares of the patches as triangles, coloured by kind."""
+    These are vertices (V, 3) [m], their red, green and blue (V, 3), and the indices (F, 3) of the
+    vertices of each triangle.
+    """
     vertices, colours, faces = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros((0, 3), int)]
     corner = (np.arange(STEPS - 1)[:, None] * STEPS + np.arange(STEPS - 1)).reshape(-1, 1)
     triangles = np.concatenate([corner + [0, STEPS, 1], corner + [1, STEPS, STEPS + 1]])
@@ -35,7 +31,7 @@ def mesh_of(patches: Iterable[Patch]) -> Mesh:
         faces.append(triangles[finite[triangles].all(axis=1)] + sum(map(len, vertices)))
         vertices.append(np.where(finite[:, None], sheet, patch.origin))
         colours.append(np.tile(COLOURS[patch.kind], (len(sheet), 1)))
-    return Mesh(np.concatenate(vertices), np.concatenate(colours), np.concatenate(faces))
+    return np.concatenate(vertices), np.concatenate(colours), np.concatenate(faces)
 
 
 def save_mesh(path: str | PathLike, patches: Iterable[Patch]) -> None:

@@ -3,17 +3,12 @@ import numpy as np
 
 from tactile_shape.contour.contact_path import Placed
 from tactile_shape.contour.object_model import ObjectModel
-from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
+from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.thesis.matrix_estimator import MatrixEstimator
 from tactile_shape.types.patch import Patch, refusal, SurfaceEstimator
 
-_ESTIMATORS = {kind.method: kind for kind in (LocalQuadric, MatrixEstimator)}
-METHODS = tuple(_ESTIMATORS)
-
-
-def make_surface_estimator(method: str, config: LocalQuadricConfig) -> SurfaceEstimator:
-    """Return the estimator of a method, configured by a LocalQuadricConfig."""
-    return _ESTIMATORS[method](config)
+# By method; each is made from a LocalQuadricConfig.
+ESTIMATORS = {kind.method: kind for kind in (LocalQuadric, MatrixEstimator)}
 
 
 class ShapeEstimator:

@@ -210,7 +210,7 @@ def read_run(path, namespace=None, *, joints=True) -> RunData:
             stamps={name: np.asarray(known) for name, known in stamps.items()},
             every=every,
             goals=rows['servo_calls'],
-            parameters=Settings.of(bag, topics).recorded,
+            parameters=Settings(bag, topics).recorded,
         )
 
 

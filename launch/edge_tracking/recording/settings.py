@@ -1,7 +1,6 @@
 """Recorded parameters of the nodes, and changes to them."""
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -20,24 +19,22 @@ from tactile_servo.robot_config import NodeConfig
 REPLAYED = ('contact_estimator', 'shape_estimator', SERVO)
 
 
-@dataclass
 class Settings:
-    """Parameters by node: `recorded`, and `changed` values that override some of them."""
+    """
+    Parameters by node: `recorded`, and `changed` values that override some of them.
 
-    recorded: dict[str, dict[str, Any]] = field(default_factory=dict)
-    changed: dict[str, dict[str, Any]] = field(default_factory=dict)
+    Recorded are those with which each node of a bag began, and the changes by a replay.
+    """
 
-    @classmethod
-    def of(cls, bag: Bag, topics: RecordedTopics) -> 'Settings':
-        """Read the parameters with which each node began, and the changes by a replay."""
-        found: dict[str, dict[str, Any]] = {}
+    def __init__(self, bag: Bag, topics: RecordedTopics):
+        self.recorded: dict[str, dict[str, Any]] = {}
+        self.changed: dict[str, dict[str, Any]] = {}
         with suppress(ConfigurationError, RuntimeError):  # reading all messages reports the error
             for row in bag.messages([topics.topic.get('parameters', '')]):
                 message = row.message
                 node = message.node.rpartition('/')[2]
-                found.setdefault(node, _told(message.new_parameters)).update(
+                self.recorded.setdefault(node, _told(message.new_parameters)).update(
                     _told(message.changed_parameters))
-        return cls(found)
 
     def change(self, wishes: Sequence[str]) -> None:
         """Apply changes NODE.PARAM=VALUE; ConfigurationError if node or parameter is unknown."""

@@ -55,14 +55,9 @@ class RecordedTopics:
     """
     Topics of a recording by their names in this graph; topics of another type are ignored.
 
-    Raises a ConfigurationError if there are several sensors and no namespace is given.
-
-    Attributes
-    ----------
-    prefix : str
-        Namespace of the sensor, '' or with a slash.
-    topic, name : dict of str
-        Topics by name, without empty ones, and names by topic.
+    `prefix` is the namespace of the sensor, '' or with a slash; `topic` are the topics by name,
+    without empty ones, and `name` the names by topic. Raises a ConfigurationError if there are
+    several sensors and no namespace is given.
     """
 
     def __init__(self, bag: Bag, namespace: str | None = None):

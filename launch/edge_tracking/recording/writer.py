@@ -42,16 +42,9 @@ class BagWriter:
     """
     A new bag; its contents stay readable if the process dies or the disk fails.
 
-    Parameters
-    ----------
-    topics : list of (str, type, QoSProfile)
-        Full name, message class and quality of service for players, of each topic; the last parts
-        of the names differ.
-
-    Raises
-    ------
-    ConfigurationError
-        The folder exists or cannot be made, or a message type is not installed.
+    `topics` are full name, message class and quality of service for players, of each topic; the
+    last parts of the names differ. Raises a ConfigurationError if the folder exists or cannot be
+    made, or a message type is not installed.
     """
 
     def __init__(self, path: str | Path, topics: Sequence[tuple[str, Any, Any]]):

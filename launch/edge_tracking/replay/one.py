@@ -99,7 +99,7 @@ class Replay:
         self.bag = stack.enter_context(Bag(path))
         self._topics = RecordedTopics(self.bag, options.namespace)
         self._topics.require_touch(self.bag)
-        settings, has = Settings.of(self.bag, self._topics), self._topics.topic
+        settings, has = Settings(self.bag, self._topics), self._topics.topic
         settings.change(options.changes)
         from_images = options.source == 'image' and 'image' in has
         with_servo = settings.has_robot and 'servo_calls' in has

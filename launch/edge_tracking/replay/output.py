@@ -27,13 +27,7 @@ class Output:
     """
     Takes the results of a replay.
 
-    Attributes
-    ----------
-    counts : Counter
-        Number of messages by topic.
-    comparison : Comparison
-    compared : collection of str
-        Names of the topics to compare; none without a comparison.
+    `counts` are the numbers of messages by topic, `compared` the names of the topics to compare.
     """
 
     def __init__(self, comparison: Comparison, compared: Collection[str]):

@@ -39,19 +39,10 @@ class Playback:
     """
     Determines which messages of a bag are due; uses neither ROS nor a clock.
 
-    The time stops for `SETTLE` before the first message and after the last one. Nodes can then
-    finish before a loop sets the time back, or the player ends.
-
-    Attributes
-    ----------
-    now_ns : int
-        Present time of the recording [ns].
-    paused : bool
-        True if the time is stopped.
-    finished : bool
-        True if all readable messages have been played.
-    fault : str
-        Why no more messages can be read.
+    The time `now_ns` of the recording stops while `paused`, and for `SETTLE` before the first
+    message and after the last one. Nodes can then finish before a loop sets the time back, or the
+    player ends. `finished` is True if all readable messages have been played; `fault` says why no
+    more can be read.
     """
 
     def __init__(self, bag: Bag, topics: Collection[str], rate: float = 1.0, loop: bool = False,

@@ -1,5 +1,5 @@
 """Charts of a run for the page: data and labels."""
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -7,7 +7,7 @@ import numpy as np
 from edge_tracking.recording.frames_summary import force_series, force_unit, ForceSeries, Press
 from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import latencies, settled_cycles
-from edge_tracking.report.player import stages, thinned
+from edge_tracking.report.player import Shown, stages, thinned
 from edge_tracking.web.page import packed
 from tactile_common.polyline import arc_length
 from tactile_sensing.types.array import TactelArray
@@ -56,44 +56,45 @@ def extremes(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def chart(title: str, x: str, y: str, series: Sequence[Any], **more: Any) -> dict[str, Any]:
     """
-    Return a chart for the script `chart.js`.
+    Return a chart of results of `line` and `way` for the script `chart.js`.
 
-    Parameters
-    ----------
-    title, x, y : str
-        Title, and labels of the axes with their units.
-    series : sequence
-        Results of `line` and `way`.
-    **more
-        `bands` [begin, end, colour], `marks` [across, at, name, colour], `domain` of x, `range`
-        of y, `equal` axes.
+    `x` and `y` are labels with units. `more` may be `bands` [begin, end, colour], `marks` [across,
+    at, name, colour], `domain` of x, `range` of y, `equal` axes.
     """
     return {'title': title, 'xlabel': x, 'ylabel': y, 'series': [*series], **more}
 
 
-def over_time(run: RunData, summary: Mapping[str, Any], place: np.ndarray | None, real: Any
-              ) -> list[dict[str, Any]]:
-    """
-    Return charts of the contact's place on the pad, measured and true, and of the force.
+def _place_on_pad(it: Shown) -> np.ndarray:
+    """Return the true place (N, 2) of the edge or surface on the pad [m]; NaN means unknown."""
+    real = it.real
+    if it.scene.action == 'track_surface':
+        return real.place
+    along = np.einsum(
+        'ij,ij->i', it.run.poses.matrix[:, :3, 1], it.scene.edge.tangent_at(real.along))
+    left = 1.0 if along[real.tracking].sum() >= 0.0 else -1.0  # side of the sensor's x
+    lateral = np.where(real.tracking, -left * real.lateral, np.nan)
+    return np.column_stack([lateral, np.full_like(lateral, np.nan)])
 
-    `place` (N, 2) [m] is the true place.
-    """
-    statuses = run.statuses
+
+def over_time(it: Shown) -> list[dict[str, Any]]:
+    """Return charts of the contact's place on the pad, measured and true, and of the force."""
+    run, statuses, real = it.run, it.run.statuses, it.real
     time, (tracking, settled) = run.seconds(statuses.stamp_ns), settled_cycles(statuses)
     felt = np.column_stack([statuses.lateral_error, statuses.longitudinal_error])
     felt = np.where(tracking[:, None], 1e3 * felt, np.nan)
     series = [line(f'{"xy"[axis]} by touch', time, felt[:, axis], TOUCH[axis])
               for axis in (0, 1) if np.isfinite(felt[:, axis]).any()]
     judged = felt[settled]
-    if place is not None:
+    if it.scene:
+        place = _place_on_pad(it)
         judged = 1e3 * place[real.settled]
         series += [line(f'{"xy"[axis]}, true', real.time, 1e3 * place[:, axis], TRUE[axis],
                         width=1.8)
                    for axis in (0, 1) if np.isfinite(place[:, axis]).any()]
     begin = [[True, float(time[np.argmax(settled)]), '', GREY]] if settled.any() else []
     active = time[statuses.state != State.IDLE]
-    bands = [[float(run.seconds(it.begin)), float(run.seconds(it.end)), SHADES[it.state]]
-             for it in stages(run) if it.state in SHADES]
+    bands = [[float(run.seconds(stage.begin)), float(run.seconds(stage.end)), SHADES[stage.state]]
+             for stage in stages(run) if stage.state in SHADES]
     common = {'bands': bands, 'domain': active[[0, -1]].tolist()}
     off = 'off centre [mm]'
     return [
@@ -101,7 +102,7 @@ def over_time(run: RunData, summary: Mapping[str, Any], place: np.ndarray | None
               **common),
         chart('The same, enlarged to what remains after settling', 'time [s]', off, series,
               range=_around(judged), marks=begin, **common),
-        {**_force(run, summary, real, begin), **common}]
+        {**_force(it, begin), **common}]
 
 
 def _around(values: np.ndarray) -> list[float] | None:
@@ -111,9 +112,9 @@ def _around(values: np.ndarray) -> list[float] | None:
     return [-most, most] if most else None
 
 
-def _force(run: RunData, summary: Mapping[str, Any], real: Any, begin: list[Any]
-           ) -> dict[str, Any]:
-    felt, contacts = force_series(run), run.contacts
+def _force(it: Shown, begin: list[Any]) -> dict[str, Any]:
+    run, contacts, real = it.run, it.run.contacts, it.real
+    felt = force_series(run)
     scale, unit = force_unit(felt.unit)
     stamps, force = felt.stamp_ns, felt.force
     touching = contacts.type != ContactType.NONE
@@ -123,7 +124,7 @@ def _force(run: RunData, summary: Mapping[str, Any], real: Any, begin: list[Any]
     series = [line('by touch', run.seconds(stamps), scale * force, ORANGE)]
     if real is not None:
         series.append(line('true', real.time, real.force, BLUE, width=1.8))
-    target = float(summary['force_target'])
+    target = float(it.summary['force_target'])
     known = np.isfinite(target) and unit == 'N'
     largest = max(target, float(np.nanmax(force if real is None else real.force, initial=target)))
     return chart('Force on the pad', 'time [s]', f'force [{unit}]', series,
@@ -131,9 +132,9 @@ def _force(run: RunData, summary: Mapping[str, Any], real: Any, begin: list[Any]
                  range=[-0.04 * target, 1.2 * largest] if known else None)
 
 
-def latency(run: RunData, summary: Mapping[str, Any]) -> list[dict[str, Any]]:
+def latency(it: Shown) -> list[dict[str, Any]]:
     """Return a histogram of the time from an image's last byte to the command that used it."""
-    values = 1e3 * latencies(run)[1]
+    values, summary = 1e3 * latencies(it.run)[1], it.summary
     period = 1e3 / summary['sensor_rate'] if summary['sensor_rate'] > 0 else np.nan
     right = 1.1 * float(np.nanmax([period, np.percentile(values, 99.8)]))
     left = min(0.0, float(values.min()))
@@ -163,29 +164,31 @@ def pad_outline(array: TactelArray, pose: np.ndarray) -> np.ndarray:
     return (corners @ pose.T)[:, :3]
 
 
-def path(run: RunData, scene: Any, real: Any) -> list[dict[str, Any]]:
+def path(it: Shown) -> list[dict[str, Any]]:
     """Return the pad's path over the true edge, seen from above, with the pad at both ends."""
-    edge, touching = scene.edge.points, np.flatnonzero(real.tracking)
+    run, edge, tracking = it.run, it.scene.edge.points, it.real.tracking
+    touching = np.flatnonzero(tracking)
     pads = [way('', from_above(edge, pad_outline(run.images.array, run.poses.matrix[index])), BLUE)
             for index in touching[[0, -1]]] if touching.size and run.images.array else []
     return [chart('From above, equal axes', 'along the first edge [mm]', 'across [mm]', [
         way('true edge', from_above(edge, edge), EDGE_COLOUR, width=6),
-        way('pad', from_above(edge, run.poses.position[real.tracking]), BLUE), *pads], equal=True)]
+        way('pad', from_above(edge, run.poses.position[tracking]), BLUE), *pads], equal=True)]
 
 
-def felt(run: RunData, scene: Any) -> list[dict[str, Any]]:
+def felt(it: Shown) -> list[dict[str, Any]]:
     """Return the contacts on a surface from above, and their distance from the true surface."""
-    points = run.touches.position
-    off = scene.surface.distance(points) if len(points) else np.empty(0)
+    points = it.run.touches.position
+    off = it.scene.surface.distance(points) if len(points) else np.empty(0)
     return [
         chart('Contacts from above, equal axes', 'x [mm]', 'y [mm]', [
-            way('', 1e3 * (points - np.array(scene.top)), BLUE, dots=True)], equal=True),
+            way('', 1e3 * (points - np.array(it.scene.top)), BLUE, dots=True)], equal=True),
         chart('Contacts against the true surface', 'way [mm]', 'outside [\u00b5m]', [
             line('', 1e3 * arc_length(points) if len(points) else [], 1e6 * off, BLUE)])]
 
 
-def outline(run: RunData, scene: Any, found: Outline) -> list[dict[str, Any]]:
+def outline(it: Shown, found: Outline) -> list[dict[str, Any]]:
     """Return the rebuilt outline; in a scene also the true edge and the distance to it."""
+    run, scene = it.run, it.scene
     edge = scene.edge.points if scene else found.points
     contacts, rebuilt, corners = (from_above(edge, points.reshape(-1, 3)) for points in (
         run.contour, found.points, found.corners))

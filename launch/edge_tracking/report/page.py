@@ -4,7 +4,7 @@ from datetime import datetime, timezone
 from html import escape
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import is_of_servo, latencies, rebuilt_outline
 from edge_tracking.report import charts, html
 from edge_tracking.report.html import figure
-from edge_tracking.report.player import chosen, player, stages
+from edge_tracking.report.player import chosen, player, Shown, stages
 from edge_tracking.web.page import make_page
 from tactile_common.command_line import version_of_all
 from tactile_servo.laws.registry import DEFAULT, LAWS
@@ -32,16 +32,6 @@ MOCKS = {'mock_sensor', 'mock_robot'}  # nodes of a simulation
 MOST_TEXT = 200  # characters of a value
 Section = tuple[str, str]  # heading and HTML
 WHAT = {'track_edge': 'Edge', 'track_surface': 'Surface'}
-
-
-class Shown(NamedTuple):
-    """A recording with its summary, and scene and truth if they are known."""
-
-    name: str
-    run: RunData
-    summary: dict[str, Any]
-    scene: Any = None  # Scene
-    real: Any = None  # Truth
 
 
 def make_report(path: str | Path, *recordings: Shown) -> None:
@@ -147,7 +137,7 @@ def _lead(summary: Mapping[str, Any]) -> str:
 
 
 def _sections(it: Shown, columns: int) -> Iterator[Section]:
-    run, summary, of_servo = it.run, it.summary, is_of_servo(it.run)
+    run, of_servo = it.run, is_of_servo(it.run)
     stamps = chosen(run, columns)
     if len(stamps):
         yield 'Player', _player(run, stamps)
@@ -155,9 +145,7 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
         yield _in_scene(it)
     if of_servo:
         yield 'Error and force', figure(
-            html.charts(charts.over_time(
-                run, summary, place_on_pad(run, it.scene, it.real) if it.scene else None,
-                it.real)),
+            html.charts(charts.over_time(it)),
             'By touch: what the servo measured.' + (
                 ' True: from pose and scene. The statistics count from the dashed line, 10 mm '
                 'after first contact; those of the force only while an edge crosses the whole '
@@ -169,24 +157,10 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
         yield from _presses(run)
     if len(latencies(run)[1]):
         yield 'Latency', figure(
-            html.charts(charts.latency(run, summary)),
+            html.charts(charts.latency(it)),
             'From the last byte of an image at the driver to the end of the first control cycle '
             'that used it. Later ones than the axis shows are in its last bar.')
     yield 'Rates', _rates(run)
-
-
-def place_on_pad(run: RunData, scene: Any, real: Any) -> np.ndarray:
-    """
-    Return the true place on the pad of the tracked edge or surface (N, 2) [m].
-
-    The columns are x and y; NaN means unknown.
-    """
-    if scene.action == 'track_surface':
-        return real.place
-    along = np.einsum('ij,ij->i', run.poses.matrix[:, :3, 1], scene.edge.tangent_at(real.along))
-    left = 1.0 if along[real.tracking].sum() >= 0.0 else -1.0  # side of the sensor's x
-    lateral = np.where(real.tracking, -left * real.lateral, np.nan)
-    return np.column_stack([lateral, np.full_like(lateral, np.nan)])
 
 
 def _player(run: RunData, stamps: np.ndarray) -> str:
@@ -207,11 +181,11 @@ def _player(run: RunData, stamps: np.ndarray) -> str:
 def _in_scene(it: Shown) -> Section:
     if it.scene.action == 'track_surface':
         return 'The surface that was felt', figure(
-            html.charts(charts.felt(it.run, it.scene)),
+            html.charts(charts.felt(it)),
             'Contacts, and their distance from the true surface, which only the mock sensor '
             'knows.')
     return 'Path of the pad', figure(
-        html.charts(charts.path(it.run, it.scene, it.real)),
+        html.charts(charts.path(it)),
         'Centre of the pad over the true edge, with the outline of the pad at first contact and '
         f'at the end. The run begins {1e3 * abs(it.scene.start.offset):.1f} mm beside the edge, '
         "which touch takes away. Positions are from the robot's forward kinematics, errors "
@@ -234,7 +208,7 @@ def _shape(it: Shown) -> Iterator[Section]:
             f', radius {1e3 * side.radius:.1f}' if side.kind == 'arc' else '')
             for side in found.sides)
         yield 'Rebuilt outline', figure(
-            html.charts(charts.outline(run, it.scene, found)),
+            html.charts(charts.outline(it, found)),
             'Lines, arcs and corners, as few as the contacts along the edge allow. Each contact '
             'is a point of the fitted line or, on a curve and at a corner, of the ridge of the '
             'picture, put into the base by the pose of the robot. '

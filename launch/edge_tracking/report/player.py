@@ -14,6 +14,16 @@ MAX_RATE = 60.0  # images per second
 MAX_POINTS = 5000  # of a path
 
 
+class Shown(NamedTuple):
+    """A recording with its summary, and scene and truth if they are known."""
+
+    name: str
+    run: RunData
+    summary: dict[str, Any]
+    scene: Any = None  # Scene
+    real: Any = None  # Truth
+
+
 class Stage(NamedTuple):
     """A time during which the servo's state and reason did not change."""
 

@@ -29,19 +29,10 @@ def packed(values: Any, dtype: str) -> str:
 def make_page(title: str, body: str, scripts: tuple[str, ...], *, kind: str = '',
               connect: str = "'none'") -> str:
     """
-    Return the HTML of a page.
+    Return the HTML of a page from a body in which all external text is escaped.
 
-    Parameters
-    ----------
-    title : str
-    body : str
-        HTML in which all external text is escaped.
-    scripts : tuple of str
-        Names of the scripts of this package.
-    kind : str
-        Class of the body.
-    connect : str
-        Where the page may connect to, see `connect-src` of a content security policy.
+    `scripts` are names of scripts of this package, `kind` is the class of the body; `connect` is
+    where the page may connect to, see `connect-src` of a content security policy.
     """
     read = [(resources.files(__package__) / name).read_text('utf-8')
             for name in ('page.css', *scripts)]

@@ -13,10 +13,10 @@ from tactile_common.npz_stream import write_arrays
 from tactile_common.progress import Progress
 from tactile_shape.contact_recording import load_contacts
 from tactile_shape.contour.outline import find_outline
-from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
+from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
 from tactile_shape.mesh import save_mesh
 from tactile_shape.patch_table import COLUMNS, KINDS, PatchTable
-from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
+from tactile_shape.shape_estimator import ESTIMATORS, ShapeEstimator
 
 QUIET = 1.0  # time before the progress bar appears [s]
 
@@ -71,7 +71,7 @@ Exit status: 0, or 2 after one line that says what is wrong; then nothing is wri
     arguments.add_argument('recording', metavar='TRACE.npz|BAG', help='input')
     arguments.add_argument('-o', '--out', required=True, metavar='PATCHES.npz',
                            type=file_to_write('.npz'), help='file to write; replaced if it exists')
-    arguments.add_argument('--method', choices=METHODS, default=METHODS[0],
+    arguments.add_argument('--method', choices=ESTIMATORS, default=LocalQuadric.method,
                            help="local_quadric, or the thesis' surface_matrix (default: "
                            '%(default)s)')
     for option in dataclasses.fields(LocalQuadricConfig):
@@ -99,7 +99,7 @@ def run(options: argparse.Namespace) -> str:
     recording = load_contacts(options.recording, options.namespace, config.finger_radius)
     if options.out.exists() and os.path.samefile(options.recording, options.out):
         raise ConfigurationError(f'{options.out}: is the input as well')
-    estimator = ShapeEstimator(make_surface_estimator(options.method, config))
+    estimator = ShapeEstimator(ESTIMATORS[options.method](config))
     model, count = estimator.model, len(recording)
     table = PatchTable(recording, estimator)
     begin = time.perf_counter()

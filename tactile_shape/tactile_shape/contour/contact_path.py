@@ -114,11 +114,7 @@ class ContactPath:
     Transforms contacts into space, with poses that may arrive before or after them.
 
     It uses only the time of the stamps, so that a replayed recording gives the same result.
-
-    Parameters
-    ----------
-    finger_radius : float
-        Radius of the finger, see `on_pad` [m].
+    `finger_radius` [m] is that of `on_pad`.
     """
 
     def __init__(self, finger_radius: float = 0.0):

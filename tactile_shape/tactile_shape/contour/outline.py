@@ -35,12 +35,11 @@ class Side:
     """Piece of an outline between corners, or between a line and an arc; in metres."""
 
     kind: str  # 'line' or 'arc', the simplest that explains its points
-    start: np.ndarray  # (3,), corner, joint, or end of an open contour
-    end: np.ndarray
-    length: float  # from start to end, along the arc
+    length: float  # along the arc
     radius: float  # of an arc; inf for a line
-    residual: float  # RMS distance of the points used
-    points: np.ndarray  # (m, 3), from start to end, an arc as chords of at most 1 mm
+    # (m, 3), from corner, joint or end of an open contour to the next; an arc as chords of at
+    # most 1 mm.
+    points: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,8 +218,7 @@ def _assemble(runs: list[np.ndarray], closed: bool, std: float,
     for run, curve, start, end in zip(runs, curves, starts, ends, strict=True):
         path = np.array([start, *run[1:-1], end])
         sides.append(Side(
-            curve.kind, lift(start), lift(end), curve.length(path), curve.radius,
-            curve.residual, lift(curve.polyline(path))))
+            curve.kind, curve.length(path), curve.radius, lift(curve.polyline(path))))
     turns = [angle_between(curves[k - 1].tangent(start)[1], curves[k].tangent(start)[1])
              for k, start in enumerate(starts) if corner[k]]
     corners = [start for k, start in enumerate(starts) if corner[k]]

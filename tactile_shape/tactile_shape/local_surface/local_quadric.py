@@ -61,14 +61,9 @@ class ContactWindow:
     Contacts of the last part of a path, in which the normal has turned by at most `MAX_TURN`.
 
     Contacts within one cell, usually a 24th of the window, are averaged. This bounds time and
-    memory however slowly the finger moves, and prevents noise from lengthening the path.
-
-    Parameters
-    ----------
-    length : float
-        Length of the path [m].
-    cell : float
-        Distance within which contacts are averaged [m]; must be well above their noise.
+    memory however slowly the finger moves, and prevents noise from lengthening the path. `length`
+    is that of the path [m]; `cell`, the distance within which contacts are averaged [m], must be
+    well above their noise.
     """
 
     def __init__(self, length: float, cell: float):

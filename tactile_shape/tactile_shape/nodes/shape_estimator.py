@@ -32,9 +32,9 @@ from tactile_shape.contour.contact_path import (
     SpatialContact,
     WAITING,
 )
-from tactile_shape.conversions import contour_point_to_msg, model_to_markers, patch_to_msg
-from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
-from tactile_shape.shape_estimator import make_surface_estimator, METHODS, ShapeEstimator
+from tactile_shape.conversions import contour_to_msg, model_to_markers, patch_to_msg
+from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
+from tactile_shape.shape_estimator import ESTIMATORS, ShapeEstimator
 from tactile_shape.types.patch import Patch
 
 SOURCES = ('sensor', 'servo')
@@ -50,8 +50,8 @@ class ShapeEstimatorConfig:
     """Method and source of the estimate."""
 
     method: str = one_of(
-        METHODS[0], "'local_quadric' (least model over a window of travel) or "
-        "'surface_matrix' (the thesis' ten parameters)", METHODS)
+        LocalQuadric.method, "'local_quadric' (least model over a window of travel) or "
+        "'surface_matrix' (the thesis' ten parameters)", ESTIMATORS)
     source: str = one_of(
         SOURCES[0], "of the contacts: 'sensor', or a 'servo' that knows better where its probe "
         'touches and publishes surface_contact', SOURCES)
@@ -62,15 +62,8 @@ class ShapeTopics:
     A shape estimator between messages, inside or outside a ROS graph.
 
     It publishes a patch for every contact. A changed contour and markers follow once a second and
-    when contact is lost.
-
-    Parameters
-    ----------
-    create_publisher : callable
-        Same as a node's method; only `publish` of the result is used.
-    warn : callable
-        Takes a text.
-    own, surface : ShapeEstimatorConfig, LocalQuadricConfig
+    when contact is lost. `create_publisher` is a node's method, of whose result only `publish` is
+    used; `warn` takes a text.
     """
 
     def __init__(self, create_publisher: Callable[..., Any], warn: Callable[[str], None],
@@ -81,7 +74,7 @@ class ShapeTopics:
         self._patches = create_publisher(SurfacePatch, 'surface_patch', 10)
         self._path, self._touched_ns = ContactPath(surface.finger_radius), 0
         self.by_servo = own.source == 'servo'
-        self._surface = make_surface_estimator(own.method, surface)
+        self._surface = ESTIMATORS[own.method](surface)
         self._frame: str | None = None
         self._begin_model()
 
@@ -166,8 +159,7 @@ class ShapeTopics:
         due = before is None or not 0 <= stamp - before < PERIOD_NS
         if self._changed and (lost or due):
             self._changed, self._published_ns = False, stamp
-            self._contours.publish(Path(header=header, poses=[
-                contour_point_to_msg(point, header) for point in model.contour]))
+            self._contours.publish(contour_to_msg(model.contour, header))
             self._markers.publish(model_to_markers(model, self._newest, header))
 
 
