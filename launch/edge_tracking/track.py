@@ -76,7 +76,7 @@ class TrackNode(TactileNode):
             ServoStatus, 'servo_status', self._on_status, 1)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._ready_timer = self.create_timer(0.05, self._try_to_start, clock=steady)
-        self._deadline = self.create_timer(self.config.wait, self._give_up, clock=steady)
+        self._deadline = time.monotonic() + self.config.wait
         if self.config.client_timeout:
             self.create_timer(self.config.client_timeout / BEATS, self._beat, clock=steady)
         self._heard = 0.0  # steady time [s] of the servo's last message
@@ -128,18 +128,17 @@ class TrackNode(TactileNode):
     def _try_to_start(self):
         if self._recorder and self._recorder.poll() is not None:
             self._end(Exit.REFUSED, f'record: {self.config.record} is not recorded, see above')
-        if self.finished or self._sent or self._missing():
+        if self.finished or self._sent:
+            return
+        if missing := self._missing():
+            if time.monotonic() > self._deadline:
+                self._end(Exit.NOT_READY, f'{missing} (waited {self.config.wait:g} s)')
             return
         self._sent, self._heard = True, time.monotonic()
         self._ready_timer.cancel()
-        self._deadline.cancel()
         self._client.send_goal_async(
             goal_message(self.config), feedback_callback=self._take_feedback) \
             .add_done_callback(self._on_response)
-
-    def _give_up(self):
-        self._deadline.cancel()
-        self._end(Exit.NOT_READY, f'{self._missing()} (waited {self.config.wait:g} s)')
 
     def _beat(self):
         if self._handle is not None and not self.finished:
@@ -209,8 +208,6 @@ class TrackNode(TactileNode):
         if self._handle is not None:
             self._handle.cancel_goal_async()
         elif not self._sent:
-            self._ready_timer.cancel()
-            self._deadline.cancel()
             self._end(Exit.NOT_TRACKED, 'cancelled')
 
 
