@@ -1,9 +1,13 @@
 """The command `replay`: what it writes, what it refuses, what it says of bags that are broken."""
+import contextlib
 import csv
 import errno
+from functools import partial
 import json
 import math
 from pathlib import Path
+import sys
+from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseStamped as Pose
 import numpy as np
@@ -178,6 +182,25 @@ def test_many_bags_fail_alone_and_are_not_done_again(capsys, tmp_path):
     assert [row[0] for row in rows] == ['2', '0'] and 'empty' in rows[0]
     assert main(args) == 2
     assert 'done before' in capsys.readouterr().out.splitlines()[1]
+
+
+def test_many_bags_on_a_cluster(capsys, tmp_path, monkeypatch):
+    """A client that computes at once stands for the cluster."""
+    (tmp_path / 'broken.mcap').touch()
+
+    class Client(contextlib.nullcontext):
+        def __enter__(self):
+            return self
+
+        def map(self, function, items, pure):
+            assert not pure  # a repetition must read the files again
+            return [SimpleNamespace(result=partial(function, item)) for item in items]
+    monkeypatch.setitem(sys.modules, 'distributed', SimpleNamespace(Client=Client))
+    assert main([str(tmp_path), '--dask', 'tcp://cluster:8786']) == 2
+    assert capsys.readouterr().out.startswith('2  ')
+    monkeypatch.setitem(sys.modules, 'distributed', None)
+    status, text = run(capsys, tmp_path, '--dask', 'tcp://cluster:8786')
+    assert status == 2 and 'pip install distributed' in text
 
 
 def test_a_full_disk_leaves_what_there_is(tmp_path, monkeypatch):

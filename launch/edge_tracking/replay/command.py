@@ -48,6 +48,8 @@ def parser() -> argparse.ArgumentParser:
     add('--namespace', help='of the sensor in a bag that has several')
     add('--jobs', type=between(1, 1000, kind=int), default=1, metavar='N',
         help='of many bags, replay as many at a time; those done before in OUT are skipped')
+    add('--dask', default='', metavar='ADDRESS',
+        help='of many bags, replay them on a cluster that sees the same files')
     return arguments
 
 
@@ -107,22 +109,36 @@ def _replay(bag: Path, options: Options) -> tuple[int, str]:
     return result.status, lines[-1] if result.status else lines[0]
 
 
+def mapped(jobs: int, dask: str, stack: ExitStack) -> Callable[..., Iterator[tuple[int, str]]]:
+    """Return a function like `map`, by some processes or a cluster, which `stack` closes."""
+    if dask:
+        try:
+            from distributed import Client
+        except ImportError as error:
+            raise ConfigurationError(
+                '--dask: needs dask.distributed: pip install distributed') from error
+        client = stack.enter_context(Client(dask))
+        return lambda function, items: (future.result() for future in client.map(
+            function, items, pure=False))
+    if jobs == 1:
+        return map
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context('spawn'))
+    stack.callback(pool.shutdown, cancel_futures=True)
+    return pool.map
+
+
 def main(args: list[str] | None = None) -> int:
     """Run the command; the exit status is explained by `--help`."""
     with refusing('replay', BrokenExecutor) as command, ExitStack() as stack:
         given = parser().parse_args(args)
         options, bags = options_of(given), bags_in(given.bags)
-        if len(bags) == 1:
+        if len(bags) == 1 and not given.dask:
             compile_kernels()
             result = replay_one(bags[0], options)
             print(describe(result), file=sys.stderr)
             command.status = result.status
             return command.status
-        run: Callable[..., Iterator[tuple[int, str]]] = map
-        if given.jobs > 1:
-            pool = ProcessPoolExecutor(given.jobs, mp_context=get_context('spawn'))
-            stack.callback(pool.shutdown, cancel_futures=True)
-            run = pool.map
+        run = mapped(given.jobs, given.dask, stack)
         progress = stack.enter_context(Progress(len(bags)))
         results = zip(bags, run(partial(replay_apart, options), bags), strict=True)
         for done, (bag, (status, text)) in enumerate(results, 1):
