@@ -44,12 +44,15 @@ node runs; limits cannot. The values of the launch, for the PUMA 260, are in
     for node in NODES:
         text += [f'## {node}\n', _parameters(parameters_of(node))]
         for law in LAWS if node == SERVO else ():
-            shared = {parameter.name for parameter in parameters_of(node)}
+            shown = {(parameter.name, parameter.default) for parameter in parameters_of(node)}
             own = [parameter for parameter in parameters_of(node, law)
-                   if parameter.name not in shared]
-            if law != DEFAULT and own:
-                text += [f'### {node} with law {law}\n', 'In addition to those above, except '
-                         f'those only for the law `{DEFAULT}`:\n', _parameters(own)]
+                   if (parameter.name, parameter.default) not in shown]
+            same = [other for other in LAWS
+                    if LAWS[other].law.config_type is LAWS[law].law.config_type]
+            if law != DEFAULT and law == same[0]:
+                text += [f'### {node} with law {" or ".join(same)}\n', 'In addition to those '
+                         f'above, or with another default, except those only for the law '
+                         f'`{DEFAULT}`:\n', _parameters(own)]
     return '\n'.join(text)
 
 

@@ -8,14 +8,13 @@ import numpy as np
 from benchmarks.harness import ROOT
 from tactile_servo.config import ForceBounds, ServoConfig
 from tactile_servo.control.stability import gain_limit
-from tactile_servo.laws.jacobian_rate import JacobianRateConfig, RateConfig
 from tactile_servo.laws.surface_config import (
-    CourseConfig,
-    PressConfig,
+    ForceConfig,
     ProbeConfig,
-    RollConfig,
+    SpeedConfig,
     SurfaceConfig,
 )
+from tactile_servo.laws.surface_following import RATE_SHARE
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_simulation.closed_loop import PICTURE_EVERY, Simulation, STEP
 from tactile_simulation.gantry import gantry
@@ -31,13 +30,12 @@ LATENCIES = (0.0, 0.005, 0.01, 0.02, 0.04)  # s
 MOST_GAIN = 200.0  # 1/s, upper bound of a configuration
 GAINS = (0.25, 0.5, 0.8, 1.0, 1.4, 2.0)  # of the limit in theory
 STABLE = 0.5  # N RMS of the force, above which a loop counts as unstable
-PROBE = ProbeConfig()
 FAULTS = {
-    'none': {}, 'stiffness x 0.5': {'stiffness': 0.5 * PROBE.stiffness},
-    'stiffness x 2': {'stiffness': 2.0 * PROBE.stiffness},
-    'both radii + 0.5 mm': {'skin_radius': 0.0275, 'array_radius': 0.0255},
-    'modulus x 1.2': {'modulus': 1.2 * PROBE.modulus},
-    'deflection ignored': {'modulus': 1e12}}
+    'none': {}, 'stiffness x 0.5': {'force': ForceConfig(stiffness=0.5 * ForceConfig.stiffness)},
+    'stiffness x 2': {'force': ForceConfig(stiffness=2.0 * ForceConfig.stiffness)},
+    'both radii + 0.5 mm': {'probe': ProbeConfig(skin_radius=0.0275)},
+    'modulus x 1.2': {'probe': ProbeConfig(modulus=1.2 * ProbeConfig.modulus)},
+    'deflection ignored': {'probe': ProbeConfig(modulus=1e12)}}
 OFFSETS = {'centre 1 mm off along its axis': (0.0, 0.0, 0.001),
            'centre 3 mm off sideways': (0.003, 0.0, 0.0)}
 KEYS = ('ok', 'reason_code', 'tracked_length', 'surface_rms', 'surface_max', 'centre_max',
@@ -45,10 +43,7 @@ KEYS = ('ok', 'reason_code', 'tracked_length', 'surface_rms', 'surface_max', 'ce
 WORST = ('surface_rms', 'surface_max', 'centre_max', 'force_rms_error', 'force_max')
 LONGEST = 60.0  # s simulated
 # 150 and 200 mm/s need a fast wrist and suitable limits.
-COURSE = CourseConfig(acceleration=1.0, blind=5e-5)
-ROLL = RollConfig(max_rate=10.0, acceleration=14.0)  # the wrist's limit is 20 rad/s^2
-FAST = {'predicted': SurfaceConfig(course=COURSE, roll=ROLL),
-        'thesis': JacobianRateConfig(course=COURSE, roll=ROLL)}
+FAST = SurfaceConfig(speed=SpeedConfig(acceleration=1.0, blind=5e-5))
 FAST_WRIST = 12.0  # rad/s
 
 
@@ -92,7 +87,7 @@ def cases() -> Iterator[Case]:
         for speed in SPEEDS:
             for control, law in LAWS.items():
                 fast = speed > 0.1
-                settings = FAST[control] if fast else None
+                settings = FAST if fast else None
                 yield Case(
                     'speed_and_accuracy', {'object': name, 'control': control, 'speed': speed},
                     name, line(speed, length=0.1 if fast else 0.06),
@@ -115,7 +110,7 @@ def cases() -> Iterator[Case]:
     yield Case('starts', {'start': 'fragile, 5 of 6 N'}, 'fragile', line(0.05))
     yield Case('starts', {'start': 'friction of 0.3'}, 'rough', line(0.05))
     for fault, change in FAULTS.items():
-        settings = SurfaceConfig(probe=ProbeConfig(**change))
+        settings = SurfaceConfig(**change)
         yield Case('faults', {'fault': fault}, 'cylinder_65', line(0.05), settings)
     for fault, offset in OFFSETS.items():
         yield Case('faults', {'fault': fault}, 'cylinder_65', line(0.05), offset=offset)
@@ -132,10 +127,10 @@ def gains() -> Iterator[Case]:
         for share in GAINS:
             gain = share * limit
             for control, law in LAWS.items():
-                if gain > MOST_GAIN:
+                share_of_gain = RATE_SHARE if control == 'thesis' else 1.0
+                if gain > MOST_GAIN * share_of_gain:
                     continue
-                settings = (SurfaceConfig(press=PressConfig(gain=gain)) if control == 'predicted'
-                            else JacobianRateConfig(thesis=RateConfig(gain=gain)))
+                settings = SurfaceConfig(force=ForceConfig(gain=gain / share_of_gain))
                 yield Case('gains', {'control': control, 'latency': latency, 'limit': limit,
                                      'share': share}, 'plane', line(0.02, length=0.02),
                            settings, law, latency=latency, one=True)

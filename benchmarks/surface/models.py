@@ -66,7 +66,7 @@ def resolution() -> list[dict]:
 
 def _tried(table: JacobianTable, shown, moves):
     begin = time.process_time()
-    inverses = [table.nearest(before).inverse for before, _ in shown]
+    inverses = [table.nearest(before) for before, _ in shown]
     seconds = time.process_time() - begin
     steps = np.array([inverse @ (after - before)
                       for inverse, (before, after) in zip(inverses, shown, strict=True)])

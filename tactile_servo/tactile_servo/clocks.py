@@ -57,9 +57,8 @@ class ClockCheck:
 
     def __init__(self) -> None:
         self._since = -math.inf
-        # Ages [s]: of the last complete time `WATCHED`, and of the present one.
-        self._youngest, self._running = math.inf, math.inf
-        self._oldest, self._running_oldest = -math.inf, -math.inf
+        # Least and largest age [s] in the last complete time `WATCHED`, and in the present one.
+        self._ages = [(math.inf, -math.inf)] * 2
         self._newest_ns: int | None = None
 
     def see(self, stamp_ns: int, age: float, now: float) -> None:
@@ -68,16 +67,14 @@ class ClockCheck:
             return
         self._newest_ns = stamp_ns
         if now - self._since > WATCHED:
-            self._youngest, self._running, self._since = self._running, math.inf, now
-            self._oldest, self._running_oldest = self._running_oldest, -math.inf
-        self._running = min(self._running, age)
-        self._running_oldest = max(self._running_oldest, age)
+            self._ages, self._since = [self._ages[1], (math.inf, -math.inf)], now
+        least, largest = self._ages[1]
+        self._ages[1] = min(least, age), max(largest, age)
 
     @property
     def agrees(self) -> bool:
         """True if the clocks agree within a joint state's transport time; False if unknown."""
-        youngest = min(self._youngest, self._running)
-        return -CLOCK_AHEAD <= youngest <= CLOCK_BEHIND
+        return -CLOCK_AHEAD <= min(least for least, _ in self._ages) <= CLOCK_BEHIND
 
     @property
     def lateness(self) -> float:
@@ -87,5 +84,5 @@ class ClockCheck:
         It covers the last 0.5 to 1 s. On an overloaded machine, commands are delayed in the same
         way as joint states.
         """
-        return max(max(self._oldest, self._running_oldest)
-                   - min(self._youngest, self._running), 0.0)
+        least, largest = zip(*self._ages, strict=True)
+        return max(max(largest) - min(least), 0.0)

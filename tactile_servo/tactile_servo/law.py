@@ -10,8 +10,8 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig
-from tactile_servo.motion.agility import Agility
-from tactile_servo.reasons import Reason
+from tactile_servo.motion.motion import Motion
+from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import State, TaskError
 
 Refusal = Reason  # its code is 400 or above, or names the missing input
@@ -48,6 +48,18 @@ class Assessment(NamedTuple):
     reason: Reason
     success: bool = False  # with DONE: whether the goal was reached
     lift: bool = False  # with DONE: whether to lift off even if the goal asks for no retreat
+
+
+def done(code: ReasonCode, detail: str = '', *, success: bool = False,
+         lift: bool = False) -> Assessment:
+    """Return the assessment that ends a goal."""
+    return Assessment(State.DONE, Reason(code, detail), success, lift)
+
+
+def overforce(load: float, force: float, most: float) -> Assessment:
+    """End a goal of a force [N] because of a load [N] beyond `most` times this force."""
+    return done(ReasonCode.OVERFORCE, f'{load:.1f} N, beyond {most:g} times the {force:g} N asked '
+                'for', lift=True)
 
 
 class Reference(NamedTuple):
@@ -109,7 +121,7 @@ class ServoLaw(Protocol):
         """Return why this law cannot execute a goal, or None."""
 
     def begin(self, goal: Any, sensor: SensorInfo) -> None:
-        """Forget the last goal and start a new one."""
+        """Forget the last goal and start a new one; ConfigurationError if the sensor is unfit."""
 
     def resume(self) -> None:
         """Continue from a standstill with the knowledge so far."""
@@ -123,7 +135,7 @@ class ServoLaw(Protocol):
     def assess(self, now: float, progress: float, load: float) -> Assessment:
         """Decide whether to continue, given the distance so far [m] and the load [N]."""
 
-    def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
+    def reference(self, pose: np.ndarray, commanded: np.ndarray, robot: Motion,
                   dt: float) -> Reference:
         """Compute the wanted motion from the sensor's measured and commanded poses (4, 4)."""
 

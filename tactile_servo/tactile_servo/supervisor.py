@@ -6,11 +6,13 @@ The states are `idle -> approach -> track -> retreat -> done`; every moving stat
 are arguments. Only the law knows what is tracked.
 """
 
+from dataclasses import asdict
+import json
 from typing import Any
 
 import numpy as np
 
-from tactile_common.config import checked
+from tactile_common.config import built, checked
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
@@ -18,7 +20,9 @@ from tactile_servo.clocks import ClockCheck, CycleClock, STALL
 from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
+from tactile_servo.journal import Call, Journal
 from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw, Teachable
+from tactile_servo.laws.surface_goal import Pattern
 from tactile_servo.motion.delay import LATEST
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionStep
@@ -38,7 +42,7 @@ class Supervisor:
 
     Pass inputs to `see_sensor`, `see_joints`, `see_contact` and, if its law `sees_images`,
     `see_image`. Start a goal with `start`, call `cycle` at the control rate, and send the
-    trajectory that it returns.
+    trajectory that it returns. All calls are recorded in the `journal`, for `repeat`.
     """
 
     def __init__(self, robot: RobotModel, limits: JointLimits, law: ServoLaw,
@@ -54,9 +58,25 @@ class Supervisor:
         self._image: TactileImage | None = None  # the newest
         self._silence = 0.0  # time since the last heartbeat of the goal's client [s]
         self.around: Reason | None = None  # problem outside the servo, set by its owner
+        self.journal = Journal()
+        # Values that are set from outside, as last recorded.
+        self._recorded: dict[Call, Reason | None] = {Call.AROUND: None, Call.REFUSED: None}
+        self._delay = self.motion.delay.learnt
+
+    def _record_changes(self) -> None:
+        """Record values that are set from outside, if they have changed."""
+        for call, reason in ((Call.AROUND, self.around), (Call.REFUSED, self.inputs.refused)):
+            if reason != self._recorded[call]:
+                self._recorded[call] = reason
+                code, text = reason or (ReasonCode.NONE, '')
+                self.journal.add(call, 0.0, code, text)
+        if self._delay != self.motion.delay.learnt:
+            self._delay = self.motion.delay.learnt
+            self.journal.add(Call.DELAY, text=json.dumps(self._delay))
 
     def see_sensor(self, sensor: SensorInfo) -> None:
         """Store the description of the sensor, which goals use that start later."""
+        self.journal.add(Call.SENSOR, 0.0, sensor.stamp_ns)
         self.inputs.sensor = sensor
 
     def see_joints(self, positions: np.ndarray, stamp_ns: int, arrival: float) -> None:
@@ -65,6 +85,7 @@ class Supervisor:
 
         ValueError if it is not plausible, see `JointHistory.add`.
         """
+        self.journal.add(Call.JOINTS, arrival, stamp_ns)
         self.inputs.see_joints(positions, stamp_ns, arrival)
 
     def see_reference(self, positions: np.ndarray, stamp_ns: int) -> None:
@@ -73,11 +94,13 @@ class Supervisor:
 
     def see_wrench(self, force: np.ndarray, arrival: float) -> None:
         """Process a force (3,) at the wrist [N] with its steady arrival time [s]."""
+        self.journal.add(Call.WRENCH, arrival, text=json.dumps(force.tolist()))
         pressed = self.active or self.inputs.load >= self.config.approach.contact_force
         self.inputs.wrist.see(force, arrival, not pressed)
 
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         """Process a contact estimate, its image's stamp [ns] and its steady arrival time [s]."""
+        self.journal.add(Call.CONTACT, arrival, stamp_ns)
         self.inputs.see_contact(contact, stamp_ns, arrival)
         self._observe(stamp_ns, arrival, contact=contact)
 
@@ -88,6 +111,7 @@ class Supervisor:
         The supervisor uses its load; a law that `sees_images` observes it. InputRefused if its
         frame or array is not that of the known sensor.
         """
+        self.journal.add(Call.IMAGE, arrival, image.stamp_ns)
         self.inputs.see_image(image, arrival)
         loaded = self.inputs.load >= self.config.approach.contact_force
         self.inputs.watch.see(image, loaded, self.inputs.pose[:3, 3])
@@ -151,14 +175,20 @@ class Supervisor:
 
     def note(self, refusal: Refusal) -> None:
         """Show a refusal in the status of an idle servo: the action returns no reason for it."""
+        self.journal.add(Call.NOTED, 0.0, refusal.code, refusal.detail)
         self._idle = refusal
 
     def start(self, goal: Any, now: float) -> None:
         """Start a goal at steady time `now` [s]; GoalRefused if it cannot be accepted."""
+        self._record_changes()
+        self.journal.add(Call.START, now, text=json.dumps(asdict(goal), default=np.ndarray.tolist))
         refusal, inputs = self.check(goal), self.inputs
         if refusal is not None or inputs.sensor is None or inputs.joints is None:
             raise GoalRefused(refusal or Refusal(ReasonCode.BUSY))
-        self.law.begin(goal, inputs.sensor)
+        try:
+            self.law.begin(goal, inputs.sensor)
+        except ConfigurationError as error:  # the sensor does not suit the law
+            raise GoalRefused(Refusal(ReasonCode.UNSUPPORTED_GOAL, str(error))) from error
         self.motion.seed(inputs.joints.value)
         self.motion.delay.forget()
         self.run = self._last = GoalRun(goal, self.config, self.law, inputs, self.motion, now)
@@ -166,6 +196,7 @@ class Supervisor:
 
     def hear_client(self) -> None:
         """Process a heartbeat of the goal's client: its `client_timeout` starts again."""
+        self.journal.add(Call.CLIENT)
         self._silence = 0.0
 
     def _end_without_client(self, run: GoalRun) -> None:
@@ -178,11 +209,13 @@ class Supervisor:
 
     def cancel(self, code: ReasonCode = ReasonCode.CANCELLED) -> None:
         """Stop within the robot's limits and end the goal."""
+        self.journal.add(Call.CANCEL, 0.0, code)
         if self.run is not None and self.active:
             self.run.cancel(code)
 
     def pause(self, paused: bool, now: float) -> Reason:
         """Hold (true) or continue (false); return PAUSED, RESUMED, or why neither happens."""
+        self.journal.add(Call.PAUSE, now, paused)
         if self.run is None or not self.active:
             return Reason(ReasonCode.WAITING)
         return self.run.pause(paused) or Reason(
@@ -194,11 +227,20 @@ class Supervisor:
 
         ConfigurationError if the image is missing or shows no features, or the name is invalid.
         """
+        self.journal.add(Call.TEACH, text=name)
         assert isinstance(self.law, Teachable)
         lacking, sensor = self.inputs.contact_missing(images=True), self.inputs.sensor
         if lacking or sensor is None or self._image is None:
             raise ConfigurationError((lacking or Reason(ReasonCode.NO_IMAGE)).text)
         return self.law.teach(name, self._image, sensor.array)
+
+    def retune(self, config: Any) -> None:
+        """Pass a configuration with changed live fields to the law."""
+        values: dict[str, Any] = {}
+        built(type(config), lambda name, value, *_: values.setdefault(name, value),
+              defaults=config)
+        self.journal.add(Call.TUNE, text=json.dumps(values))
+        self.law.retune(config)
 
     def result(self) -> LawResult:
         """Return the result of the law."""
@@ -212,6 +254,7 @@ class Supervisor:
 
     def finish(self) -> None:
         """Change from DONE to IDLE after the result has been read."""
+        self.journal.add(Call.FINISH)
         assert self.state is State.DONE
         self._idle = Reason(ReasonCode.WAITING, f'last: {self.reason.text}')
         self.run = None
@@ -223,6 +266,8 @@ class Supervisor:
         Returns the status and a trajectory for the joint trajectory controller, or None if no
         motion is to be commanded.
         """
+        self._record_changes()
+        self.journal.add(Call.CYCLE, now, now_ns)
         dt = self._clock.tick(now, now_ns)
         self.inputs.refresh(now, now_ns)
         if (joints := self.inputs.joints) is not None:
@@ -262,3 +307,51 @@ class Supervisor:
             status.twist, status.limit_scale = step.twist, step.scale
             status.limited_by, status.manipulability = step.limited_by, step.manipulability
         return status
+
+    def repeat(self, call: int, time: float, value: int, text: str) -> None:
+        """
+        Repeat a recorded call, one of those from `Call.START` on.
+
+        TactileError if the call is refused, as it was in the recording.
+        """
+        code = next((it for it in ReasonCode if it == value), ReasonCode.NONE)
+        reason = Reason(code, text) if value else None
+        if call == Call.START:
+            if self.state is State.DONE:  # with other settings the last goal may end earlier
+                self.finish()
+            self.start(goal_of(self.law.goal_type, json.loads(text)), time)
+        elif call == Call.FINISH:
+            self.finish()
+        elif call == Call.CANCEL:
+            self.cancel(code)
+        elif call == Call.PAUSE:
+            self.pause(bool(value), time)
+        elif call == Call.TUNE:
+            values = json.loads(text)
+            self.law.retune(built(
+                self.law.config_type, lambda name, default, kind, metadata: checked(
+                    name, values.get(name, default), kind, metadata)))
+        elif call == Call.TEACH:
+            self.teach(text)
+        elif call == Call.AROUND:
+            self.around = reason
+        elif call == Call.REFUSED:
+            self.inputs.refused = reason
+        elif call == Call.CLIENT:
+            self.hear_client()
+        elif call == Call.DELAY:
+            self.motion.delay.learnt = tuple(json.loads(text))
+        elif call == Call.WRENCH:
+            self.see_wrench(np.array(json.loads(text)), time)
+        elif call == Call.NOTED and reason is not None:
+            self.note(reason)
+
+
+def goal_of(kind: type, values: dict[str, Any]) -> Any:
+    """Create a goal from its fields in JSON."""
+    if 'points' in values:
+        values['points'] = np.array(values['points'], dtype=float).reshape(-1, 3)
+        pattern = values['pattern']
+        values['pattern'] = Pattern(pattern) if pattern in list(Pattern) else pattern
+    return kind(**{name: tuple(value) if isinstance(value, list) else value
+                   for name, value in values.items()})

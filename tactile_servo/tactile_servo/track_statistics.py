@@ -97,7 +97,5 @@ def along_contour(nodes: np.ndarray, poses: list) -> list[tuple[int, np.ndarray]
     places, contour = np.array([pose[:3, 3] for _, pose in poses]), []
     for node in nodes:
         stamp, pose = poses[((places - node)**2).sum(axis=1).argmin()]
-        moved = pose.copy()
-        moved[:3, 3] = node
-        contour.append((stamp, moved))
+        contour.append((stamp, np.block([[pose[:3, :3], node[:, None]], [pose[3:]]])))
     return contour

@@ -81,8 +81,7 @@ def test_a_straight_edge_is_mapped_in_the_base_frame():
     base[:3, :3] = Rotation.from_rotvec([2.9, 0.4, -0.3]).as_matrix()
     base[:3, 3] = [0.4, -0.2, 0.1]
     edge_map, sights = walk(LINE, straight(20), base)
-    assert sights[0].begun and all(sight.problem is None for sight in sights)
-    assert not any(sight.begun for sight in sights[1:])
+    assert sights == [(None, True), *[(None, False)] * 19]
     # A path begins at the ridge point nearest to the pad, of which every row has one.
     assert edge_map.station == pytest.approx(19e-3, abs=0.51 * PITCH)
     contour = edge_map.contour() @ base[:3, :3] - base[:3, 3] @ base[:3, :3]
@@ -140,14 +139,14 @@ def test_no_ridge_and_an_edge_elsewhere_are_told_and_a_slip_begins_a_path():
     place = straight(11)[-1]
     blank = image_of(LINE + 1.0, place)
     assert edge_map.see(blank, pose_at(place)) is None
-    assert edge_map.follow(1).problem is NO_RIDGE
+    assert edge_map.follow(1)[0] is NO_RIDGE
     slipped = LINE + [6e-3, 0.0]
     for seed in range(SURE_PICTURES):
         edge_map.see(image_of(slipped, place, seed=seed), pose_at(place))
-        sight = edge_map.follow(1)
+        problem, begun = edge_map.follow(1)
         if seed < SURE_PICTURES - 1:
-            assert sight.problem is ELSEWHERE
-    assert sight.begun and sight.problem is None
+            assert problem is ELSEWHERE
+    assert begun and problem is None
     x, _, _ = place_at(edge_map.path.nodes, edge_map.station)
     assert x == pytest.approx(6e-3 - 5e-4, abs=0.05e-3)
     assert not edge_map.path.may_close  # its start is not that of the contour

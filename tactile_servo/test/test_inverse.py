@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from tactile_servo.motion.inverse import (
-    agility,
+    allowed_acceleration,
     BoundedInverse,
     damped_least_squares,
     DAMPING,
@@ -275,6 +275,7 @@ def test_agility_is_the_acceleration_across_that_every_joint_bears(joints):
         # Of all motions with a twist the smallest, rotations weighted or not.
         ways = np.linalg.pinv(jacobian)[:, :2] @ [np.cos(angles), np.sin(angles)]
         exact = (hard[:, None] / np.abs(ways)).min()
-        assert agility(jacobian, hard) == pytest.approx(exact, rel=1e-5)
-    assert agility(np.full((6, joints), np.nan), hard) == np.inf
-    assert agility(np.zeros((6, joints)), hard) > 1e6  # nothing would move
+        assert allowed_acceleration(jacobian, hard, (0, 1)) == pytest.approx(exact, rel=1e-5)
+    assert allowed_acceleration(np.full((6, joints), np.nan), hard, (0, 1)) == np.inf
+    # Nothing would move.
+    assert allowed_acceleration(np.zeros((6, joints)), hard, (0, 1)) > 1e6

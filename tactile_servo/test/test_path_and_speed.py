@@ -7,16 +7,23 @@ import numpy as np
 import pytest
 
 from tactile_sensing.types.array import TactelArray
-from tactile_servo.control.path_controller import PathController
-from tactile_servo.control.scaling import ramp, slewed
-from tactile_servo.control.speed_controller import caution, SpeedController
+from tactile_servo.control.scaling import caution, ramp, slewed
 from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.laws.edge_config import EdgeFollowingConfig
-from tactile_servo.laws.edge_motion import AGILE, BLIND, EdgeMotion, ENTRY, Load, NORMAL
+from tactile_servo.laws.edge_motion import (
+    AGILE,
+    BLIND,
+    EdgeMotion,
+    ENTRY,
+    NORMAL,
+    TURN_ACCELERATION,
+    TURNING,
+)
+from tactile_servo.laws.edge_sight import Load
 from tactile_servo.types import EdgeGoal
 
-DT, ACCELERATION, GAIN, FORCE = 0.0025, 2.0, 30.0, 5.0
+DT, FORCE = 0.0025, 5.0
 UNBOUNDED = SimpleNamespace(across=lambda: math.inf)  # joints that can do anything
 SCALE = PadScale.of(TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002)
 
@@ -113,26 +120,27 @@ def test_the_pad_speeds_up_by_its_acceleration_and_keeps_the_limit():
     assert motion.speed == 0.0
 
 
-def test_a_speed_changes_by_no_more_than_allowed():
-    controller = SpeedController()
-    assert controller.change(1.0, 0.25, 0.5) == 0.25
-    assert controller.change(1.0, 0.0, 0.5) == 0.25
-    assert controller.change(0.0, 1.0, 0.125) == 0.125
-
-
 def test_the_pad_comes_to_the_path_and_does_not_overshoot():
-    controller, place, places = PathController(GAIN), np.array([0.004, 0.0]), []
+    motion, x, places = motion_on(Edge(limit=0.05)), 0.4 * SCALE.grain, []
     for _ in range(800):
-        velocity = controller.follow((0.0, 0.05), (-place[0], 0.0), ACCELERATION, DT)
-        place = place + np.array(velocity) * DT
-        places.append(place[0])
+        velocity = motion.along(SimpleNamespace(ahead=0.0, aside=(-x, 0.0)), UNBOUNDED, DT)
+        x += velocity[0] * DT
+        places.append(x)
     assert abs(places[-1]) < 1e-7 and min(places) > -1e-4
-    assert controller.velocity[1] == pytest.approx(0.05)
+    assert velocity[1] == pytest.approx(0.05)
 
 
 def test_acceleration_in_the_plane_is_bounded_and_keeps_its_direction():
-    controller = PathController(GAIN)
-    x, y = controller.change(3.0, 4.0, ACCELERATION * DT)
-    assert math.hypot(x, y) == pytest.approx(ACCELERATION * DT) and y / x == pytest.approx(4 / 3)
-    controller.reset()
-    assert controller.velocity == (0.0, 0.0)
+    motion = motion_on(Edge())
+    x, y = motion.aside(3.0, 4.0, DT)
+    assert math.hypot(x, y) == pytest.approx(EdgeFollowingConfig().speed.acceleration * DT)
+    assert y / x == pytest.approx(4 / 3)
+    motion.reset()
+    assert motion.velocity == (0.0, 0.0)
+
+
+@pytest.mark.parametrize('joints, bound', [(math.inf, TURN_ACCELERATION), (2.0, 2.0 * TURNING)])
+def test_a_turn_is_no_harder_than_the_joints_allow(joints, bound):
+    stand = SimpleNamespace(there=np.eye(4), way=(1.0, 0.0))  # a quarter turn away
+    turn = motion_on(Edge()).turn(stand, SimpleNamespace(turning=lambda: joints), DT)
+    assert np.linalg.norm(turn) == pytest.approx(bound * DT)

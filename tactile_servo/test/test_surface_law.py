@@ -16,7 +16,7 @@ from tactile_servo.control.surface_filter import SurfaceFilter
 from tactile_servo.control.surface_path import Line, PlanarPath, raster, spiral
 from tactile_servo.conversions import surface_goal_from_msg, touch_to_msg
 from tactile_servo.law import Observation, Touch
-from tactile_servo.laws.surface_config import JacobianConfig, ProbeConfig, SurfaceConfig
+from tactile_servo.laws.surface_config import ForceConfig, JacobianConfig, SurfaceConfig
 from tactile_servo.laws.surface_features import ContactSense, Felt
 from tactile_servo.laws.surface_following import SurfaceFollowing
 from tactile_servo.laws.surface_goal import Pattern, refuse_surface_goal, SurfaceGoal
@@ -32,7 +32,7 @@ GOAL = SurfaceGoal(0.05, FORCE, length=0.1)
 DOWN = np.array([0.0, 0.0, -1.0])
 TABLE = build_table(ModelFeatures(HALF_SPACE, ARRAY), FeatureKind.CENTROID, grid(
     ARRAY.half_width_x, ARRAY.half_width_y, 6, (2.0, 3.5, 5.0, 7.5)),
-    Increments(stiffness=ProbeConfig.stiffness), ARRAY.half_width_x)
+    Increments(stiffness=ForceConfig.stiffness), ARRAY.half_width_x)
 
 
 def image_of(place, force, stress=None):
@@ -196,7 +196,7 @@ def test_contacts_are_felt_where_they_are(place, table):
 
 def test_a_depth_is_that_of_an_elastic_foundation():
     looking, pose = sense(), np.eye(4)
-    stiffness = ProbeConfig().stiffness
+    stiffness = ForceConfig.stiffness
     felt = looking.look(image_of((0.0, 0.0), FORCE), pose)
     assert looking.depth(felt.force) == pytest.approx(0.0, abs=1e-6)
     slope = looking.depth(5.05) - looking.depth(4.95)
@@ -228,6 +228,13 @@ def test_a_table_on_disk_is_used_and_a_wrong_one_refused(tmp_path):
     path.write_text('nonsense')
     with pytest.raises(ValueError, match='table.npz'):
         SurfaceFollowing(ServoConfig(), config)
+
+
+@pytest.mark.parametrize('depth, used', [(0.003, 0.003), (0.0, 0.002)])
+def test_the_depth_of_the_tactels_is_that_of_the_calibration(depth, used):
+    law = SurfaceFollowing(ServoConfig())
+    law.begin(GOAL, Calibration(ARRAY, depth=depth).sensor_info('pad', '', 0))
+    assert law._dome.depth == pytest.approx(used)
 
 
 @pytest.mark.parametrize('inward', [(0.0, 0.0, -1.0), (0.36, 0.48, -0.8), (-0.6, 0.0, 0.8),

@@ -124,14 +124,12 @@ def test_the_example_of_section_6_5():
     table = JacobianTable(FeatureKind.MOMENTS, *parts)
     shown = np.array([-1000.0, -2100.0, 2000.0])
     assert ((shown - states[0])**2).sum() == pytest.approx(10.61e6)
-    entry = table.nearest(shown)
-    assert entry.found and entry.distance == pytest.approx(0.16e6)
-    assert (entry.inverse == inverse[2]).all()
+    assert ((shown - states[2])**2).sum() == pytest.approx(0.16e6)
+    assert (table.nearest(shown) == inverse[2]).all()
     # Beyond the stop radius the last one is used, whatever is nearest.
-    entry = table.nearest(np.array([-1000.0, 0.0, 1000.0]))
-    assert not entry.found and (entry.inverse == inverse[2]).all()
+    assert (table.nearest(np.array([-1000.0, 0.0, 1000.0])) == inverse[2]).all()
     table = JacobianTable(FeatureKind.MOMENTS, *parts)  # before there was one
-    assert (table.nearest(np.array([-1000.0, 0.0, 1000.0])).inverse == inverse[0]).all()
+    assert (table.nearest(np.array([-1000.0, 0.0, 1000.0])) == inverse[0]).all()
 
 
 def test_a_table_is_written_and_read(tmp_path):
@@ -151,8 +149,8 @@ def test_holes_in_a_table_are_passed_over(tmp_path):
     table.save(tmp_path / 'holes.npz')
     holed = load_table(tmp_path / 'holes.npz')
     assert not holed.usable[4]
-    assert np.isfinite(holed.nearest(table.features[4]).inverse).all()
-    assert np.isfinite(holed.nearest(np.full(3, np.nan)).inverse).all()
+    assert np.isfinite(holed.nearest(table.features[4])).all()
+    assert np.isfinite(holed.nearest(np.full(3, np.nan))).all()
     table.inverse[:] = np.nan
     table.save(tmp_path / 'none.npz')
     with pytest.raises(ConfigurationError, match='none of its 9 entries'):

@@ -61,10 +61,9 @@ class SurfaceScene(Scene):
         return Skin(depth=self.dome.depth)
 
     def parameters(self) -> NodeParameters:
-        """Return the probe's radii and the moments method: no flat-pad model fits its contacts."""
+        """Return the probe's radius, and moments: no flat-pad model fits its contacts."""
         return NodeParameters(
-            servo={'probe.skin_radius': self.dome.skin_radius,
-                   'probe.array_radius': self.dome.array_radius},
+            servo={'probe.skin_radius': self.dome.skin_radius},
             shape={'source': 'servo'}, contact={'method': 'moments'})
 
     def start_pose(self) -> np.ndarray:

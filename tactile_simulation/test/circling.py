@@ -80,7 +80,7 @@ class Circling:
             return Assessment(State.DONE, Reason(ReasonCode.PATH_COMPLETED), True)
         return Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 
-    def reference(self, pose, commanded, agility, dt):
+    def reference(self, pose, commanded, robot, dt):
         """Along the circle, back to it, and down for the missing force."""
         c, place, rotation = self.config, commanded[:3, 3], commanded[:3, :3]
         if self._centre is None:

@@ -13,11 +13,10 @@ from tactile_servo.laws import resolved_rate
 from tactile_servo.laws.edge_features import edge_features, edge_tilt, EdgeFeatures
 from tactile_servo.laws.resolved_rate import (
     ACROSS,
-    alignment_scale,
-    contact_scale,
     edge_twist,
     PRESS,
     ResolvedRateConfig,
+    speed_factor,
     TILT,
     TURN,
 )
@@ -106,13 +105,10 @@ def test_what_is_no_edge_is_refused_with_its_reason(seen, text):
 def test_speed_falls_towards_the_border_and_without_force():
     def at(lateral, force):
         return EdgeFeatures(lateral, 0.0, force, 0.0)
-    assert alignment_scale(at(0.0, 5.0), HALF) == 1.0
-    assert alignment_scale(at(0.75 * HALF, 5.0), HALF) == pytest.approx(0.5)
-    assert alignment_scale(at(1.1 * HALF, 5.0), HALF) == 0.0
-    assert contact_scale(at(0.0, 5.0), 5.0) == 1.0
-    assert contact_scale(at(0.0, 1.25), 5.0) == pytest.approx(0.5)
-    assert contact_scale(at(0.0, -1.0), 5.0) == 0.0
-    assert not np.isnan(contact_scale(at(0.0, 0.0), 5.0))
+    for lateral, force, factor in (
+            (0.0, 5.0, 1.0), (0.75 * HALF, 5.0, 0.5), (1.1 * HALF, 5.0, 0.0), (0.0, 1.25, 0.5),
+            (0.0, -1.0, 0.0), (0.0, 0.0, 0.0)):
+        assert speed_factor(at(lateral, force), HALF, 5.0) == pytest.approx(factor)
 
 
 def even_load(tilt=0.0, first=-HALF, last=HALF):

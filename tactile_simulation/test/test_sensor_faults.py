@@ -7,7 +7,7 @@ import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_servo.config import ApproachConfig, RetreatConfig, ServoConfig
-from tactile_servo.journal import ask_again, Call, JournaledSupervisor, WITH_TEXT
+from tactile_servo.journal import Call, WITH_TEXT
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
@@ -148,16 +148,14 @@ def test_a_pad_that_was_left_pressed_is_no_weight_of_the_tool():
 
 
 def test_what_a_wrist_felt_is_in_the_journal():
-    class Journaled(Simulation):
-        supervisor = JournaledSupervisor
-    simulation = Journaled(load_scene(find_scene('straight')), wrist=True)
+    simulation = Simulation(load_scene(find_scene('straight')), wrist=True)
     simulation.run(EdgeGoal(0.03, FORCE), 20.0, until=lambda status: status.progress > 0.0)
-    servo, journal = simulation.servo, simulation.servo.take_journal()
+    servo, journal = simulation.servo, simulation.servo.journal
     texts = [text for call, text in zip(
         [call for call in journal.call if call in WITH_TEXT], journal.texts, strict=True)
         if call == Call.WRENCH]
     again = Simulation(simulation.scene).servo
-    ask_again(again, Call.WRENCH, 1.0, 0, texts[0])
+    again.repeat(Call.WRENCH, 1.0, 0, texts[0])
     again.inputs.wrist.see(np.array(json.loads(texts[-1])), 2.0, False)
     assert again.inputs.wrist.force == pytest.approx(servo.inputs.wrist.force, abs=1e-9)
     assert servo.inputs.wrist.force > 0.0

@@ -10,9 +10,14 @@ import pytest
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_servo.config import ForceBounds, ServoConfig
-from tactile_servo.laws.surface_config import JacobianConfig, ProbeConfig, SurfaceConfig
+from tactile_servo.laws.surface_config import (
+    ForceConfig,
+    JacobianConfig,
+    ProbeConfig,
+    SurfaceConfig,
+)
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
-from tactile_servo.reasons import ReasonCode
+from tactile_servo.reasons import GoalRefused, ReasonCode
 from tactile_servo.tactile_jacobian.features import ModelFeatures
 from tactile_servo.tactile_jacobian.jacobian import Increments
 from tactile_servo.tactile_jacobian.table import build_table, grid
@@ -183,9 +188,17 @@ def test_steps_and_edges_are_followed_or_the_goal_ends(name, most):
 
 @pytest.mark.parametrize('factor', [0.5, 2.0])
 def test_a_wrong_stiffness_is_borne(factor):
-    probe = ProbeConfig(stiffness=factor * ProbeConfig().stiffness)
-    _, summary = follow(scene_of(CYLINDER), line(), settings=SurfaceConfig(probe=probe))
+    force = ForceConfig(stiffness=factor * ForceConfig.stiffness)
+    _, summary = follow(scene_of(CYLINDER), line(), settings=SurfaceConfig(force=force))
     assert summary['ok'] and summary['force_rms_error'] < 0.3
+
+
+def test_a_sensor_that_does_not_fit_into_the_probe_is_refused():
+    settings = SurfaceConfig(probe=ProbeConfig(skin_radius=0.003))  # tactels 2 mm deep
+    simulation = Simulation(scene_of(SPHERE), settings=settings)
+    with pytest.raises(GoalRefused, match='must increase|core_radius'):
+        simulation.run(line(), 1.0)
+    assert simulation.servo.state is State.IDLE
 
 
 @pytest.mark.parametrize('dome, hole', [

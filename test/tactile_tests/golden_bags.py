@@ -38,10 +38,11 @@ from tactile_servo.conversions import (
     status_to_msg,
     trajectory_to_msg,
 )
-from tactile_servo.journal import Call, JournaledSupervisor
+from tactile_servo.journal import Call
 from tactile_servo.laws.registry import law_for, law_named
 from tactile_servo.laws.surface_goal import SurfaceGoal
 from tactile_servo.robot_config import NodeConfig, robot_of
+from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import EdgeGoal, Timing
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.scene import find_scene, load_scene
@@ -58,7 +59,7 @@ def sent(message):
     return unpacked(packed(message), type(message))
 
 
-class RecordedSupervisor(JournaledSupervisor):
+class RecordedSupervisor(Supervisor):
     """A supervisor whose inputs and outputs `write(name, message or bytes)` takes."""
 
     write: Any = None
@@ -101,7 +102,7 @@ class RecordedSupervisor(JournaledSupervisor):
             message.header.frame_id = FRAME
             self.write('servo_status', message)
         if len(self.journal.call) >= TAKEN_EVERY:
-            self.write('servo_calls', journal_to_msg(self.take_journal(), now_ns, FRAME))
+            self.write('servo_calls', journal_to_msg(self.journal.take(), now_ns, FRAME))
         return status, window
 
 
@@ -153,7 +154,7 @@ class RecordedSimulation(Simulation):
     def close(self):
         """Finish the bag."""
         servo = self.servo
-        self._write('servo_calls', journal_to_msg(servo.take_journal(), 0, FRAME))
+        self._write('servo_calls', journal_to_msg(servo.journal.take(), 0, FRAME))
         self._writer.close()
 
 

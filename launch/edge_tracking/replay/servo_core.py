@@ -17,7 +17,7 @@ from tactile_common.ros.conversions import NS, pose_to_msg, set_stamp
 from tactile_msgs.msg import ServoStatus
 from tactile_servo.config import ServoConfig
 from tactile_servo.conversions import status_to_msg, touch_to_msg, trajectory_to_msg
-from tactile_servo.journal import ask_again, Call, WITH_TEXT
+from tactile_servo.journal import Call, WITH_TEXT
 from tactile_servo.laws.registry import law_named
 from tactile_servo.robot_config import NodeConfig, robot_of
 from tactile_servo.supervisor import Supervisor
@@ -115,6 +115,7 @@ class ServoCore:
                 self._end_cycle(at)
                 self._ask(call, time, value, next(texts, '') if call in WITH_TEXT else '')
         self._end_cycle(received_ns)
+        self.servo.journal.take()  # what is repeated is not recorded again
 
     def _ask(self, call: int, time: float, value: int, text: str) -> None:
         if call == Call.FINISH and self.servo.state is not State.DONE:
@@ -123,7 +124,7 @@ class ServoCore:
             text = json.dumps({**json.loads(text), **self._settings.changed.get(SERVO, {})})
         # Some were also refused in the recording, or are so with changed settings.
         with suppress(TactileError):
-            ask_again(self.servo, call, time, value, text)
+            self.servo.repeat(call, time, value, text)
 
     def _see(self, call: int, time: float, stamp_ns: int, at: int) -> None:
         seen, servo = self._find(_KINDS[call], stamp_ns), self.servo

@@ -1,6 +1,5 @@
 """Rotation of a pad to the attitude of the edge or surface that it follows."""
 
-from dataclasses import dataclass
 import math
 
 import numpy as np
@@ -8,27 +7,16 @@ import numpy as np
 LATE_SHARE = 0.2  # share of a wanted change of the rate; a cycle that allows less is late
 
 
-@dataclass(frozen=True)
-class AttitudeGains:
-    """Gain and bounds of a rotation."""
-
-    gain: float  # rate at which an error is corrected [1/s]
-    max_rate: float  # rad/s
-    acceleration: float  # rad/s^2
-
-
 class AttitudeController:
     """
     Proportional control of an attitude with bounded rate and acceleration.
 
-    Attributes
-    ----------
-    late : bool
-        Whether a cycle allows less than `LATE_SHARE` of the wanted change of the rate.
+    An error is corrected at the rate `gain` [1/s], with at most `max_rate` [rad/s]. `late` is True
+    if a cycle allows less than `LATE_SHARE` of the wanted change of the rate.
     """
 
-    def __init__(self, gains: AttitudeGains):
-        self.gains = gains
+    def __init__(self, gain: float, max_rate: float):
+        self._gain, self._max_rate = gain, max_rate
         self.reset()
 
     def reset(self) -> None:
@@ -36,16 +24,15 @@ class AttitudeController:
         self._rate, self.late = np.zeros(3), False
 
     def rate(self, error: np.ndarray, ahead: np.ndarray, dt: float,
-             acceleration: float = math.inf) -> np.ndarray:
+             acceleration: float) -> np.ndarray:
         """
         Compute the angular velocity (3,) [rad/s] for an error, a rotation vector (3,) [rad].
 
         The correction is added to `ahead` (3,) [rad/s], the rate at which the edge or surface
-        turns. Both the gains and the robot's own `acceleration` [rad/s^2] bound the change of the
-        angular velocity in a cycle of `dt` [s].
+        turns. `acceleration` [rad/s^2] bounds its change in a cycle of `dt` [s].
         """
         step = self._step(error, ahead)
-        share = min(self.gains.acceleration, acceleration) * dt / max(_size(step), 1e-12)
+        share = acceleration * dt / max(_size(step), 1e-12)
         self.late = share < LATE_SHARE
         self._rate = self._rate + step * min(1.0, share)
         return self._rate
@@ -56,9 +43,8 @@ class AttitudeController:
         return step / max(_size(step), 1e-12)
 
     def _step(self, error: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-        wanted = ahead + self.gains.gain * error
-        most = self.gains.max_rate
-        return wanted * min(1.0, most / max(_size(wanted), 1e-12)) - self._rate
+        wanted = ahead + self._gain * error
+        return wanted * min(1.0, self._max_rate / max(_size(wanted), 1e-12)) - self._rate
 
 
 def _size(vector: np.ndarray) -> float:
@@ -70,16 +56,9 @@ def off_edge(rotation: np.ndarray, way: tuple[float, float], slope: float, direc
     """
     Compute the rotation vector (3,) that aligns a pad with an edge, perpendicular to it [rad].
 
-    Parameters
-    ----------
-    rotation : ndarray, shape (3, 3) or more
-        Rotation of the commanded pad in the plane.
-    way, slope : tuple of float, float
-        Direction of the edge, a unit vector x, y, and its rise per length in the plane.
-    direction : int
-        +1 or -1: sign of the pad's y along the edge.
-    max_turn : float
-        Yaw up to which the pad turns with the edge [rad]; beyond, it does not turn further.
+    The commanded pad has a `rotation` (3, 3) in the plane, with its y along the edge or, if
+    `direction` is -1, against it. `way` is the edge's direction, a unit vector x, y, and `slope`
+    its rise per length. Beyond a yaw of `max_turn` [rad] the pad does not turn further.
     """
     ux, uy = way
     heading = math.atan2(direction * rotation[1, 1], direction * rotation[0, 1])

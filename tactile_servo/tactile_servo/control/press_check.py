@@ -27,13 +27,8 @@ class PressCheck:
 
     The object is rigid, so the indentation must change by the motion along the normal. If images
     show a smaller change, the sensor has lost gain, or the object gives way. The differences are
-    summed (CUSUM), in any fixed frame. The median of three images is used, so that a single wrong
-    image has no effect.
-
-    Attributes
-    ----------
-    unexplained : float
-        This sum after the newest image [m].
+    summed (CUSUM), in any fixed frame: `unexplained` [m]. The median of three images is used, so
+    that a single wrong image has no effect.
     """
 
     def __init__(self) -> None:

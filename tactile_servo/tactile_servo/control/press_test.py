@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from tactile_servo.control.force_controller import ForceGains
+from tactile_servo.control.force_controller import BRAKING
 
 PRESSED = 0.6  # share of the goal's force to press with: it is enough to see the whole edge
 SURPLUS = 0.1  # share of the goal's force to aim at in addition, or PRESSED is barely reached
@@ -21,14 +21,8 @@ class PressTest:
     Presses the pad, releases it for a short time, and returns to the previous depth.
 
     The depth computed from the force is a function of the depth measured by the robot, which must
-    have the slope 1.
-
-    Attributes
-    ----------
-    pressed : bool
-        Whether the pad has been pressed with the force of the test.
-    deepest : float
-        Distance from the touch at which `pressed` should be true at the latest [m].
+    have the slope 1. `pressed` is True once the pad was pressed with the force of the test, at the
+    latest at the distance `deepest` [m] from the touch.
     """
 
     def __init__(self, force: float, load: float, depth: Callable[[float], float]):
@@ -55,7 +49,7 @@ class PressTest:
         """Compute the speed along the normal [m/s] for the next cycle, of `dt` [s]."""
         if not self.pressed:
             missing = max(self._depth(self._aim) - self._depth(load), 0.0)
-            return math.sqrt(2.0 * ForceGains.braking * missing)
+            return math.sqrt(2.0 * BRAKING * missing)
         self._lasted += dt
         if self.over:
             return 0.0

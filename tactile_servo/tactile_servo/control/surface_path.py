@@ -1,10 +1,11 @@
 """Paths over an unknown surface: the direction of travel at each contact."""
 import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from tactile_common.polyline import arc_length, nearest_on_polyline, resample
+from tactile_servo.control.scaling import clipped
 
 SPACING = 2.5e-4  # m between the points of a planned path
 SEARCHED = 5e-3  # m ahead of its last station, within which the probe is searched on its path
@@ -21,21 +22,12 @@ class Step(NamedTuple):
     left: float  # remaining length of the path [m], infinite if it has no end
 
 
-class SurfacePath(Protocol):
-    """A path over a surface; points and inward normals (3,) are in the base frame."""
-
-    def step(self, point: np.ndarray, normal: np.ndarray, gain: float,
-             speed: float) -> Step | None:
-        """
-        Compute the next step from a contact; None if the path cannot continue.
-
-        The path is approached at a rate `gain` [1/s], at a speed [m/s].
-        """
-        ...
-
-
 class Line:
-    """Path in the plane of a direction and the first normal; it can go round a cylinder."""
+    """
+    Path in the plane of a direction and the first normal; it can go round a cylinder.
+
+    Points and inward normals (3,) are in the base frame.
+    """
 
     def __init__(self, point: np.ndarray, normal: np.ndarray, direction: np.ndarray):
         self._start = point
@@ -43,13 +35,17 @@ class Line:
 
     def step(self, point: np.ndarray, normal: np.ndarray, gain: float,
              speed: float) -> Step | None:
-        """Compute the next step; None if the surface is almost parallel to the plane."""
+        """
+        Compute the next step from a contact; None if the surface is almost parallel to the plane.
+
+        The path is approached at a rate `gain` [1/s], at a speed [m/s].
+        """
         across = self._across
         way = np.cross(across, normal)
         size = math.sqrt(way @ way)
         if size < STEEP:
             return None
-        back = _bounded(gain * ((point - self._start) @ across) / max(speed, 1e-3), 0.5)
+        back = clipped(gain * ((point - self._start) @ across) / max(speed, 1e-3), -0.5, 0.5)
         return Step(_unit(way / size - back * (across - normal * (normal @ across))),
                     math.inf, math.inf)
 
@@ -70,7 +66,7 @@ class PlanarPath:
 
     def step(self, point: np.ndarray, normal: np.ndarray, gain: float,
              speed: float) -> Step | None:
-        """Compute the next step; None if the surface is too steep against the first normal."""
+        """Compute the next step, as `Line.step`; None where the surface is too steep."""
         ahead, aside, inward = self._frame
         facing = float(inward @ normal)
         if facing < STEEP:
@@ -88,6 +84,9 @@ class PlanarPath:
         left = self._stations[-1] - self._station
         return Step(_unit(way), float(np.interp(self._station, self._stations, self._tops)),
                     0.0 if left < ARRIVED else left)
+
+
+SurfacePath = Line | PlanarPath
 
 
 def raster(size_x: float, size_y: float, step_over: float) -> np.ndarray:
@@ -148,7 +147,3 @@ def _tangent(direction: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 def _unit(vector: np.ndarray) -> np.ndarray:
     return vector / math.sqrt(vector @ vector)
-
-
-def _bounded(value: float, most: float) -> float:
-    return min(max(value, -most), most)

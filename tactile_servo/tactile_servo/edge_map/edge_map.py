@@ -25,13 +25,6 @@ NO_RIDGE = Reason(ReasonCode.EDGE_LOST, 'no ridge in the picture')
 ELSEWHERE = Reason(ReasonCode.EDGE_LOST, 'the picture shows no ridge along the path')
 
 
-class Sight(NamedTuple):
-    """Result of an image: why it does not show the edge, and whether it began a new path."""
-
-    problem: Reason | None
-    begun: bool = False
-
-
 class Stand(NamedTuple):
     """Measured and commanded position of a pad on the path."""
 
@@ -81,16 +74,18 @@ class EdgeMap:
         self.picture, self.scale = picture, picture.scale
         return None
 
-    def follow(self, direction: int, anew: bool = False) -> Sight:
+    def follow(self, direction: int, anew: bool = False) -> tuple[Reason | None, bool]:
         """
         Extend the path with the newest image.
+
+        Returns why it does not show the edge, or None, and whether it began a new path.
 
         A new path begins along the sensor's y, or against it if `direction` is -1. With `anew` a
         new path begins in any case.
         """
         picture = self.picture
         if len(picture.points) < LEAST_POINTS:
-            return Sight(NO_RIDGE)
+            return NO_RIDGE, False
         self._remember(picture.points)
         if anew or not self.followed:
             heading = direction * picture.pose[:2, 1]
@@ -104,35 +99,35 @@ class EdgeMap:
             self.path.refine(picture, station)
             self.path.extend(self._cloud, picture, self.station)
             self._take_near()
-            return Sight(None)
+            return None, False
         self._off_path += 1
         if self._off_path < SURE_PICTURES:
-            return Sight(ELSEWHERE)
+            return ELSEWHERE, False
         self._counts = []  # the object has slipped
         self._remember(picture.points)
         self.station = station
         chord = SLIP_CHORD * self.scale.grain
         return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
 
-    def _begin(self, heading: np.ndarray, may_close: bool) -> Sight:
+    def _begin(self, heading: np.ndarray, may_close: bool) -> tuple[Reason | None, bool]:
         """Begin a path at the ridge point nearest to the pad's centre."""
         picture, cloud = self.picture, self._cloud
         may_close = may_close and (self.path is None or self.path.may_close)
         self._off_path, self.followed = 0, False
         along = np.abs(cloud['way'] @ heading) > ROUGHLY_ALONG
         if not along.any():
-            return Sight(ELSEWHERE)
+            return ELSEWHERE, False
         place = cloud['place'][along]
         nearest = place[np.linalg.norm(place - picture.place, axis=1).argmin()]
         line = local_line(cloud, *nearest, *heading, self.scale.grain)
         if not line.found:
-            return Sight(ELSEWHERE)
+            return ELSEWHERE, False
         start = nodes_of((line.x, line.y), line.z, (line.tx, line.ty))
         start['station'] = self.station
         self.path = TracedPath(start, cloud, picture, may_close)
         self.followed = True
         self._take_near()
-        return Sight(None, True)
+        return None, True
 
     def _remember(self, seen: np.ndarray) -> None:
         """Add the points of an image to the cloud of the last images."""

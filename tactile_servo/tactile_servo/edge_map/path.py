@@ -89,12 +89,8 @@ def with_leg(nodes: np.ndarray, cloud: np.ndarray, zones: np.ndarray, length: fl
     """
     Extend nodes (N,) along the ridge, up to the zone of the first corner.
 
-    Returns
-    -------
-    ndarray of NODE (N + M,)
-        The nodes with M nodes of the leg, at most `length` [m] long, corrected for the blur.
-    int
-        Index of the zone in ZONE (K,) that the leg enters; -1 if it enters none.
+    Returns the nodes with those of the leg, at most `length` [m] long and corrected for the blur,
+    and the index of the zone in ZONE (K,) that the leg enters, or -1.
     """
     count, zone = len(nodes), -1
     traced = trace(cloud, nodes[count - 1:], length, grain)

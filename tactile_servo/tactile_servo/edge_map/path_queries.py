@@ -36,22 +36,8 @@ def stand(nodes: Records, near: np.ndarray, plane: np.ndarray, pose: np.ndarray,
     Compute the values of a `Stand`: measured and commanded position of a pad on a path.
 
     One call gives all values of a control cycle, because calls cost more than the computation.
-
-    Parameters
-    ----------
-    nodes, near : ndarray of NODE (N,), (M,)
-        Path, and its part that the pad can reach.
-    plane, pose, commanded : ndarray (4, 4)
-        Transform from the base frame to the plane; measured and commanded pose of the pad in the
-        base frame.
-    half_x, half_y, grain : float
-        Half sides of the pad, and resolution of an image [m].
-    here, ahead : float
-        Stations of the measured and the commanded pad in the last cycle [m].
-    move : tuple of float
-        Displacement x, y of the commanded pad, after which the length is computed [m].
-    there : ndarray (4, 4)
-        Output: pose of the commanded pad in the plane.
+    For the arguments see `EdgeMap.stand`; `nodes` and `near` (N,), (M,) are the path and its part
+    that the pad can reach. The pose (4, 4) of the commanded pad in the plane goes to `there`.
     """
     for i in range(4):
         for j in range(4):
@@ -91,14 +77,6 @@ def at_picture(nodes: Records, near: np.ndarray, pose: np.ndarray, half_x: float
     return (sense * at.left, wrap_angle(yaw - along),
             length_on_pad(near, pose, 0.0, 0.0, half_x, half_y),
             rise(nodes, ahead, SLOPE_REACH * grain, STEP * grain, ends))
-
-
-@njit(cache=True)
-def to_sensor(turned: np.ndarray, pose: np.ndarray, *twist: float) -> None:
-    """Transform a twist (6,) from the pose's parent frame to its own; write it to `turned`."""
-    for k in range(3):
-        turned[k] = pose[0, k] * twist[0] + pose[1, k] * twist[1] + pose[2, k] * twist[2]
-        turned[3 + k] = pose[0, k] * twist[3] + pose[1, k] * twist[4] + pose[2, k] * twist[5]
 
 
 @njit(cache=True)
@@ -165,15 +143,8 @@ def speed_profile(nodes: Records, here: float, top: float, acceleration: float, 
 
     A vertex that turns by phi between chords of mean length l is passed like a circle of radius
     l / phi. A sharp vertex is passed at the speed of the circle that cuts it by `cut`, within a
-    distance `settle` on both sides, so that a lagging robot does not cut it more.
-
-    Parameters
-    ----------
-    nodes : ndarray of NODE (M,)
-    here, top, acceleration, end_speed : float
-        Station [m], wanted speed [m/s], largest acceleration [m/s^2], speed at the end [m/s].
-    cut, settle : float
-        Allowed distance from a sharp vertex, and distance of reduced speed around it [m].
+    distance `settle` on both sides, so that a lagging robot does not cut it more. `top` is the
+    wanted speed; all quantities are in m, m/s and m/s^2.
     """
     left = max(nodes[len(nodes) - 1].station - here, 0.0)
     squared = end_speed * end_speed + 2.0 * acceleration * left

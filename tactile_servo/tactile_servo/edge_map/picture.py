@@ -29,18 +29,16 @@ LEVEL = 1e-3  # weight of a prior for no slope across the edge, in squared half 
 
 class PadScale(NamedTuple):
     """
-    Lengths of a pad [m]: depth and pitches of its tactels, half sides, grain.
+    Lengths of a pad [m].
 
     A *grain* is the resolution of an image: the skin blurs an edge to a width of its depth, and
     tactels that are coarser than that limit the resolution by their pitch.
     """
 
-    depth: float
-    pitch_x: float
-    pitch_y: float
-    half_x: float
+    depth: float  # of the tactels
+    half_x: float  # half sides, and the longer of them
     half_y: float
-    half: float  # the longer half side
+    half: float
     grain: float
 
     @classmethod
@@ -48,7 +46,7 @@ class PadScale(NamedTuple):
     def of(cls, array: TactelArray, depth: float) -> 'PadScale':
         """Return the scale of an array whose tactels lie at a depth [m]."""
         half_x, half_y = array.half_width_x, array.half_width_y
-        return cls(depth, array.pitch_x, array.pitch_y, half_x, half_y, max(half_x, half_y),
+        return cls(depth, half_x, half_y, max(half_x, half_y),
                    max(depth, COARSE * max(array.pitch_x, array.pitch_y)))
 
 
@@ -131,23 +129,11 @@ def read_picture(image: TactileImage, pose: np.ndarray,
 def indentation_of(points: np.ndarray, pose: np.ndarray,
                    half: float) -> tuple[bool, float, np.ndarray]:
     """
-    Return the indentation at the pad's centre and the direction in which it increases.
+    Return the indentation at the pad's centre [m] and the direction (3,) in which it increases.
 
-    Parameters
-    ----------
-    points : ndarray of CLOUD_POINT (N,)
-        Ridge of an image that was taken at `pose` (4, 4).
-    half : float
-        Longer half side of the pad [m].
-
-    Returns
-    -------
-    found : bool
-        True if the ridge crosses the pad and is straight enough for a result.
-    depth : float
-        Indentation [m].
-    normal : ndarray, shape (3,)
-        Unit vector in the plane's frame.
+    `points` (N,) are the ridge of an image that was taken at `pose` (4, 4), `half` is the longer
+    half side of the pad [m]. The first value is True if the ridge crosses the pad and is straight
+    enough for a result.
     """
     to_own, count = np.ascontiguousarray(pose[:3, :3].T), len(points)
     rows, depths, weights = np.ones((count, 3)), np.empty(count), np.empty(count)

@@ -45,20 +45,9 @@ def trace(cloud: np.ndarray, start: np.ndarray, length: float, grain: float) -> 
     Follow the ridge from a node in its direction.
 
     Every step moves the expected place onto the weighted mean line of the points around it. The
-    direction of this line is the mean direction of their ridges.
-
-    Parameters
-    ----------
-    cloud : ndarray of CLOUD_POINT (N,)
-        Points of several images.
-    start : ndarray of NODE (1,)
-    length, grain : float
-        Largest length of the trace, and resolution of an image [m].
-
-    Returns
-    -------
-    ndarray of NODE (M,)
-        Nodes without stations; the first is one step from `start`.
+    direction of this line is the mean direction of their ridges. `cloud` (N,) are the points of
+    several images, `length` is the largest length of the trace [m]. The nodes (M,) have no
+    stations; the first is one step from `start` (1,).
     """
     step = STEP * grain
     x, y, tx, ty = start[0].x, start[0].y, start[0].tx, start[0].ty
@@ -131,19 +120,17 @@ def local_line(cloud: np.ndarray, x: float, y: float, tx: float, ty: float,
 @njit(cache=True)
 def on_path(seen: np.ndarray, near: np.ndarray, distance: float, nodes: Records, x: float,
             y: float, first: float, last: float) -> tuple[float, float]:
-    """Return the share of seen points near the path, and the station of x, y on it [m]."""
+    """
+    Return the share of seen points near the path, and the station of x, y on it [m].
+
+    A point is near if it is nearer than a `distance` [m] to a node of `near`.
+    """
     at = nearest_on_polyline(nodes.x, nodes.y, nodes.station, x, y, first, last)
-    return share_near(seen, near, distance), at.station
-
-
-@njit(cache=True)
-def share_near(cloud: np.ndarray, nodes: np.ndarray, distance: float) -> float:
-    """Return the share of a cloud's points that are nearer than a distance [m] to a node."""
-    near = 0
-    for n in range(len(cloud)):
-        for k in range(len(nodes) - 1, -1, -1):
-            dx, dy = cloud[n].x - nodes[k].x, cloud[n].y - nodes[k].y
+    count = 0
+    for n in range(len(seen)):
+        for k in range(len(near) - 1, -1, -1):
+            dx, dy = seen[n].x - near[k].x, seen[n].y - near[k].y
             if dx * dx + dy * dy < distance * distance:
-                near += 1
+                count += 1
                 break
-    return near / max(len(cloud), 1)
+    return count / max(len(seen), 1), at.station

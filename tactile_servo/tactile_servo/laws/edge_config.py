@@ -1,4 +1,4 @@
-"""User settings of robot, skin and task for the law 'trace'."""
+"""User settings of robot and task for the law 'trace'."""
 
 from dataclasses import dataclass, field
 
@@ -33,18 +33,12 @@ class ForceConfig:
         60.0, 'rate at which an error of the force is made up', '1/s', 1.0, 200.0, live=True)
     stiffness: float = bounded(
         5000.0, 'total stiffness of skin, finger and robot along the normal', 'N/m', 10.0, 1e7)
-    skin_stiffness: float = bounded(
-        2.0e5, 'line force per indentation, from which the height of the edge follows',
-        'N/m^2', 1e2, 1e9)
 
 
 @dataclass(frozen=True)
 class AttitudeConfig:
     """Rotation of the pad."""
 
-    acceleration: float = bounded(
-        5.0, 'acceleration of the turn along the edge; a wrist that is asked for more than it can '
-        'holds back the whole pad, off the edge at every corner', 'rad/s^2', 0.1, 1000.0)
     max_turn: float = bounded(
         7.0, 'the pad is turned with the edge up to this angle from where it began, and '
         'kept beyond', 'rad', 0.0, 100.0)
@@ -52,7 +46,7 @@ class AttitudeConfig:
 
 @dataclass(frozen=True)
 class EdgeFollowingConfig:
-    """User settings of robot, skin and task for the law 'trace'."""
+    """User settings of robot and task for the law 'trace'."""
 
     speed: SpeedConfig = field(default_factory=SpeedConfig)
     path: PathConfig = field(default_factory=PathConfig)

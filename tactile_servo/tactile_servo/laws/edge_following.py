@@ -1,6 +1,5 @@
 """Law 'trace': maps the edge with the robot's pose at each image's stamp, and follows the map."""
 
-from dataclasses import dataclass, field
 import math
 from typing import ClassVar
 
@@ -8,52 +7,46 @@ import numpy as np
 
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import image_patience, PRESS_DEPTH, ServoConfig, STALE_AFTER
-from tactile_servo.control.lap_guard import LapGuard
 from tactile_servo.control.press_test import PRESSED
-from tactile_servo.edge_map.path_queries import to_sensor
+from tactile_servo.control.progress import LapGuard, Stall
+from tactile_servo.edge_map.edge_map import Stand
 from tactile_servo.edge_map.traced_path import PathEnd
-from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal, Touch
+from tactile_servo.law import Assessment, done, LawResult, Observation, Reference, Refusal, Touch
 from tactile_servo.laws.edge_config import EdgeFollowingConfig
-from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, within_goal
-from tactile_servo.laws.edge_modes import (
-    Coasting,
-    END_MARGIN,
-    Following,
-    Mode,
-    ReachingDown,
-    Searching,
-)
+from tactile_servo.laws.edge_goal import edge_end, goal_end, refuse_edge_goal
 from tactile_servo.laws.edge_motion import EdgeMotion
 from tactile_servo.laws.edge_sight import EdgeSight
-from tactile_servo.laws.stall import Stall
-from tactile_servo.motion.agility import Agility
+from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
+SKIN_STIFFNESS = 2e5  # N/m^2, of a skin whose calibration gives none: that of a FlexiTac pad
+SEARCH = 0.02  # m/s, largest speed in the search for a lost edge
 ADVANCE = 0.5  # grains, advance that counts as progress
+END_MARGIN = 1.5  # grains before the end of a ridge at which coasting begins
+# Half sizes of the pad: a half diagonal, after which an edge has left the pad in any direction
+PAD_LEFT = 1.42
+SEARCH_REACH = 1.18  # half sizes of the pad, longest way of a search towards the load
+PROBED_DEPTH = 0.9  # share of PRESS_DEPTH; the rest is reserved for the stop
 # Times `image_patience`, time without a usable image; longer than the supervisor's own timeout,
 # which handles missing images
 STALE = 1.5
+STILL = np.zeros(3)
 
-
-@dataclass
-class Going:
-    """Progress of the pad along the edge."""
-
-    here: float = 0.0  # station of the measured pose [m]
-    ahead: float = 0.0  # station of the commanded pose [m]
-    progress: float = 0.0  # distance travelled [m]
-    stall: Stall = field(default_factory=Stall)
-    begun: bool = False  # True once the pad moves along the edge
-    pressed: bool = False  # True once the force was large enough to show the whole edge
+Wanted = tuple[tuple[float, float], float, np.ndarray]  # see `EdgeFollowing._move`
 
 
 class EdgeFollowing:
     """
-    Follow the edge mapped from images, using the robot's own pose.
+    Follow the edge mapped from images, using the robot's own pose; a `ServoLaw`.
 
     The points of every image are transformed into a plane fixed in the base, with the pose at the
     image's stamp. Latency therefore delays only the view ahead; it is not part of the loop.
+
+    The law is in one of four modes, named by the reason that it reports. TRACKING follows the
+    edge. At the end of a ridge, COASTING moves straight on across a possible gap, and
+    REACHING_DOWN then moves along the normal to find contact. SEARCHING moves towards the pressure
+    after the edge was lost.
     """
 
     name: ClassVar[str] = 'trace'
@@ -67,35 +60,37 @@ class EdgeFollowing:
     def __init__(self, servo: ServoConfig, config: EdgeFollowingConfig | None = None):
         self.servo, self.config = servo, config or EdgeFollowingConfig()
         self._stale = STALE_AFTER
-        self._forget(EdgeGoal(0.0, 0.0))
+        self._forget(EdgeGoal(0.0, 0.0), SKIN_STIFFNESS)
 
-    def _forget(self, goal: EdgeGoal) -> None:
+    def _forget(self, goal: EdgeGoal, skin_stiffness: float) -> None:
         self.goal = goal
-        self.sight = EdgeSight(goal, self.config.force.skin_stiffness)
+        self.sight = EdgeSight(goal, skin_stiffness)
         self._motion = EdgeMotion(self.config, goal, self.sight)
-        self._going, self._laps = Going(), LapGuard()
-        self._coasting = Coasting()
+        self._laps, self._stall = LapGuard(), Stall()
+        self._here = self._ahead = 0.0  # stations of the measured and the commanded pose [m]
+        self._progress = 0.0  # distance travelled [m]
+        self._begun = False  # True once the pad moves along the edge
+        self._pressed = False  # True once the force was large enough to show the whole edge
+        self._coasted = 0.0  # way since the end of the ridge came into view [m]
         self._find()
 
     def _find(self) -> None:
-        """Return to following, with the edge visible."""
-        self._mode: Mode = Following()
-        self._searching = Searching()
-        self._reaching = ReachingDown(PRESS_DEPTH)
+        """Return to tracking, with the edge visible."""
+        self._mode = ReasonCode.TRACKING
+        self._searched = 0.0  # way of the search [m]
+        self._from: np.ndarray | None = None  # pose (4, 4) where reaching down began
+        self._depth = 0.0  # way down from there [m]
 
     def retune(self, config: EdgeFollowingConfig) -> None:
-        """Use new gains from now on."""
         self.config = config
         self._motion.retune(config)
 
     @property
     def error(self) -> TaskError | None:
-        """Newest observed error of the pad at the edge; None before the first."""
         return self.sight.error
 
     @property
     def stiffness(self) -> float:
-        """Total stiffness of skin, finger and robot along the normal [N/m]."""
         return self.config.force.stiffness
 
     def depth(self, force: float) -> float:
@@ -104,26 +99,22 @@ class EdgeFollowing:
 
     @property
     def unfelt(self) -> float:
-        """Force expected from the pad's depth, minus the force seen in images [N]."""
         return self.stiffness * self.sight.press.unexplained
 
     def validate(self, goal: EdgeGoal) -> Refusal | None:
-        """Return why this law cannot execute a goal, or None."""
         if goal.closed and goal.length > 0.0:
             return Refusal(ReasonCode.INVALID_GOAL, 'a closed contour has no length; let it be 0')
         return refuse_edge_goal(goal)
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
-        """Forget the last goal and start a new one."""
         self._stale = image_patience(sensor.nominal_rate)
-        self._forget(goal)
+        self._forget(goal, sensor.skin_stiffness or SKIN_STIFFNESS)
 
     def resume(self) -> None:
-        """Continue from a standstill, with the edge known so far."""
         self._motion.reset()
         self.sight.press.forget()
-        self._going.stall.seen, self._going.pressed = None, False
-        self._mode, self._searching = Following(), Searching()
+        self._stall.seen, self._pressed = None, False
+        self._mode, self._searched = ReasonCode.TRACKING, 0.0
 
     def observe(self, observation: Observation) -> None:
         """Process an image, or a contact: its fitted force is more accurate than the image's."""
@@ -131,91 +122,116 @@ class EdgeFollowing:
             if observation.contact is not None:
                 self.sight.refine(observation, observation.contact)
             return
-        pose, going = observation.pose(), self._going
+        pose = observation.pose()
         # Until the pad moves along the edge, every image begins a new path.
-        if pose is not None and self.sight.see(observation, pose, going.ahead, not going.begun):
-            going.ahead = going.here = self.sight.edge.station
+        if pose is not None and self.sight.see(observation, pose, self._ahead, not self._begun):
+            self._ahead = self._here = self.sight.edge.station
 
     def lacks(self, now: float) -> Reason | None:
-        """Return what prevents the law from tracking, or None."""
         if now - self.sight.shown < self._stale:
             return None
         return self.sight.problem or Reason(ReasonCode.EDGE_LOST)
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
-        """Decide whether to continue."""
-        self._going.progress = progress
-        return within_goal(self.goal, self._laps, progress, self._assess(now, progress, load))
+        self._progress = progress
+        return goal_end(self.goal, self._laps, progress, self._assess(now, progress, load))
 
     def _assess(self, now: float, progress: float, load: float) -> Assessment:
-        going, edge = self._going, self.sight.edge
+        edge = self.sight.edge
         path, scale = edge.path, edge.scale
-        if self._stalled(now, progress):
-            return Assessment(State.DONE, Reason(ReasonCode.NO_PROGRESS), lift=True)
+        if self._mode is not ReasonCode.TRACKING:  # the other modes have their own limits
+            self._stall = Stall()
+        if self._stall.see(now, progress, ADVANCE * scale.grain, self.goal.speed):
+            return done(ReasonCode.NO_PROGRESS, lift=True)
         if now - self.sight.looked > STALE * self._stale:
             return Assessment(State.HOLD, Reason(ReasonCode.STALE_IMAGE))
-        if edge.closed and path.closing is not None and going.here >= path.closing:
-            return Assessment(State.DONE, Reason(ReasonCode.CONTOUR_CLOSED), True)
+        if edge.closed and path.closing is not None and self._here >= path.closing:
+            return done(ReasonCode.CONTOUR_CLOSED, success=True)
         lacking, touching = self.lacks(now), load >= self.servo.approach.contact_force
         # A lightly pressed pad touches only the highest part, so the edge seems to end early.
-        going.pressed = going.pressed or self.sight.load.force >= PRESSED * self.goal.force
-        if path.end is PathEnd.RIDGE and going.ahead >= path.tip - END_MARGIN * scale.grain and (
-                going.pressed or lacking is not None):
+        self._pressed = self._pressed or self.sight.load.force >= PRESSED * self.goal.force
+        if path.end is PathEnd.RIDGE and self._ahead >= path.tip - END_MARGIN * scale.grain and (
+                self._pressed or lacking is not None):
             return self._at_end(progress, touching)
-        self._coasting = Coasting()
+        self._coasted = 0.0
         if lacking is None:
             self._find()
-            corner = edge.corner_at(going.ahead)
-            return Assessment(State.TRACK, self._mode.reason) if corner is None else Assessment(
+            corner = edge.corner_at(self._ahead)
+            return Assessment(State.TRACK, Reason(self._mode)) if corner is None else Assessment(
                 State.CORNER, Reason(
                     ReasonCode.CORNER, f'{math.degrees(abs(corner.turn)):.0f} degrees'))
         if not touching:
             return Assessment(State.HOLD, Reason(ReasonCode.CONTACT_LOST))
-        if edge.picture.pull is None or self._searching.over(scale):
+        if edge.picture.pull is None or self._searched > SEARCH_REACH * scale.half:
             return Assessment(State.HOLD, lacking)
-        return self._search(self._searching)
-
-    def _stalled(self, now: float, progress: float) -> bool:
-        if not isinstance(self._mode, Following):  # the other modes have their own limits
-            self._going.stall = Stall()
-        return self._going.stall.see(
-            now, progress, ADVANCE * self.sight.edge.scale.grain, self.goal.speed)
+        return self._search(ReasonCode.SEARCHING)
 
     def _at_end(self, progress: float, touching: bool) -> Assessment:
         """Decide at the end of the ridge: coast over a gap, go down a step, or end."""
-        scale, coasting = self.sight.edge.scale, self._coasting
-        unseen = self._motion.speed * self.sight.age
-        if not coasting.over(scale, unseen) and (touching or coasting.begun(scale)):
-            return self._search(coasting)
+        scale = self.sight.edge.scale
+        margin, unseen = END_MARGIN * scale.grain, self._motion.speed * self.sight.age
+        # Coasting began one margin before the end, and the end is uncertain by one margin. After
+        # another half diagonal the edge has left the pad.
+        over = self._coasted - unseen >= PAD_LEFT * scale.half + 2.0 * margin
+        if not over and (touching or self._coasted <= margin):
+            return self._search(ReasonCode.COASTING)
         if touching:
-            return Assessment(State.DONE, Reason(
-                ReasonCode.EDGE_LOST, 'the ridge ends, but the pad is pressed'))
-        return self._reach_down() or ended(self.goal, progress, 2.0 * scale.half)
+            return done(ReasonCode.EDGE_LOST, 'the ridge ends, but the pad is pressed')
+        if self._depth <= PROBED_DEPTH * PRESS_DEPTH:
+            return self._search(ReasonCode.REACHING_DOWN)
+        return edge_end(self.goal, progress, 2.0 * scale.half)
 
-    def _reach_down(self) -> Assessment | None:
-        """Move down to find contact; return None if the allowed depth is reached."""
-        return None if self._reaching.over else self._search(self._reaching)
-
-    def _search(self, mode: Mode) -> Assessment:
+    def _search(self, mode: ReasonCode) -> Assessment:
         self._mode = mode
         self.sight.press.forget()  # the edge found next may lie deeper
-        return Assessment(State.SEARCH, mode.reason)
+        return Assessment(State.SEARCH, Reason(mode))
 
-    def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
+    def reference(self, pose: np.ndarray, commanded: np.ndarray, robot: Motion,
                   dt: float) -> Reference:
-        """Return the reference for the measured and the commanded pose (4, 4) of the sensor."""
-        edge, going, motion = self.sight.edge, self._going, self._motion
-        stand = edge.stand(pose, commanded, going.here, going.ahead, motion.soon())
-        going.begun = True
-        wanted = self._mode.move(motion, stand, agility, dt)
-        if isinstance(self._mode, (Following, Coasting)):
-            going.here, going.ahead = stand.here, stand.ahead
-        twist = np.empty(6)
-        to_sensor(twist, stand.there, *wanted.velocity, wanted.normal, *wanted.turn)
+        edge, motion = self.sight.edge, self._motion
+        stand = edge.stand(pose, commanded, self._here, self._ahead, motion.soon())
+        self._begun = True
+        along, normal, turn = self._move(stand, robot, dt)
+        if self._mode in (ReasonCode.TRACKING, ReasonCode.COASTING):
+            self._here, self._ahead = stand.here, stand.ahead
+        to_own = stand.there[:3, :3].T
         heading = edge.way_in_base(*stand.along)
-        self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), heading, going.progress)
-        return Reference(twist, motion.speed, heading)
+        self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), heading, self._progress)
+        return Reference(np.concatenate([to_own @ (*along, normal), to_own @ turn]),
+                         motion.speed, heading)
+
+    def _move(self, stand: Stand, robot: Motion, dt: float) -> Wanted:
+        """
+        Return the motion of the next cycle in the frame of the plane.
+
+        It consists of the velocity x, y in the plane [m/s], that along its normal, and the angular
+        velocity (3,) [rad/s].
+        """
+        motion = self._motion
+        if self._mode is ReasonCode.TRACKING:
+            return (motion.along(stand, robot, dt), motion.press(stand, dt),
+                    motion.turn(stand, robot, dt))
+        if self._mode is ReasonCode.COASTING:
+            velocity = motion.along(stand, robot, dt, may_lift=True)
+            self._coasted += motion.speed * dt
+            return velocity, motion.press(stand, dt, may_press=False), STILL
+        if self._mode is ReasonCode.REACHING_DOWN:
+            return self._reach_down(stand.there, dt)
+        speed, pull = min(SEARCH, self.goal.speed), self.sight.edge.picture.pull
+        assert pull is not None  # without a pull the law does not search
+        self._searched += speed * dt
+        x, y = pull.tolist()
+        return motion.aside(speed * x, speed * y, dt), 0.0, STILL
+
+    def _reach_down(self, there: np.ndarray, dt: float) -> Wanted:
+        """Return the motion down along the pad's normal, by at most PRESS_DEPTH."""
+        self._from = there.copy() if self._from is None else self._from
+        way, normal = (there - self._from)[:3, 3], self._from[:3, 2]
+        self._depth = float(way @ normal)
+        x, y = self._motion.aside(0.0, 0.0, dt)
+        down = self._motion.touch_speed(max(PRESS_DEPTH - self._depth, 0.0))
+        # While the pad still moves in the plane, this changes the depth of an inclined pad too.
+        return (x, y), (down - x * normal.item(0) - y * normal.item(1)) / normal.item(2), STILL
 
     def result(self) -> LawResult:
-        """Return whether the contour closed, and the edge in the base frame."""
         return LawResult(self.sight.edge.closed, self.sight.edge.contour())

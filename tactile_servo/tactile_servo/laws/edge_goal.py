@@ -2,9 +2,9 @@
 
 import math
 
-from tactile_servo.control.lap_guard import LapGuard
-from tactile_servo.law import Assessment, Refusal
-from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.control.progress import LapGuard
+from tactile_servo.law import Assessment, done, Refusal
+from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
 
 
@@ -18,16 +18,17 @@ def refuse_edge_goal(goal: EdgeGoal) -> Refusal | None:
     return None
 
 
-def within_goal(goal: EdgeGoal, laps: LapGuard, progress: float, found: Assessment) -> Assessment:
+def goal_end(goal: EdgeGoal, laps: LapGuard, progress: float, found: Assessment) -> Assessment:
     """End a goal, except in a hold, if its length is reached or its contour cannot close."""
-    if found.state is not State.HOLD and 0.0 < goal.length <= progress:
-        return Assessment(State.DONE, Reason(ReasonCode.LENGTH_REACHED), True)
-    problem = '' if goal.length or found.state in (State.HOLD, State.DONE) else (
-        laps.problem(progress))
-    return Assessment(State.DONE, Reason(ReasonCode.LAP_LIMIT, problem)) if problem else found
+    if found.state is State.HOLD:
+        return found
+    if 0.0 < goal.length <= progress:
+        return done(ReasonCode.LENGTH_REACHED, success=True)
+    problem = '' if goal.length or found.state is State.DONE else laps.problem(progress)
+    return done(ReasonCode.LAP_LIMIT, problem) if problem else found
 
 
-def ended(goal: EdgeGoal, progress: float, shortest: float) -> Assessment:
+def edge_end(goal: EdgeGoal, progress: float, shortest: float) -> Assessment:
     """
     End the goal at the end of the edge.
 
@@ -35,4 +36,4 @@ def ended(goal: EdgeGoal, progress: float, shortest: float) -> Assessment:
     [m].
     """
     asked = goal.length == 0.0 and not goal.closed
-    return Assessment(State.DONE, Reason(ReasonCode.EDGE_ENDED), asked and progress > shortest)
+    return done(ReasonCode.EDGE_ENDED, success=asked and progress > shortest)

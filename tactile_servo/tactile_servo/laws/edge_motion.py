@@ -1,36 +1,29 @@
 """Motion of a pad along an edge: speed and path in the plane, force along the normal, turn."""
 
-from dataclasses import replace
 import math
 
 import numpy as np
 
-from tactile_servo.control.attitude_controller import (
-    AttitudeController,
-    AttitudeGains,
-    off_edge,
-)
+from tactile_servo.control.attitude_controller import AttitudeController, off_edge
 from tactile_servo.control.force_controller import (
+    BRAKING,
     ForceController,
-    ForceGains,
     INTEGRATED,
     touch_speed,
 )
-from tactile_servo.control.path_controller import PathController
-from tactile_servo.control.scaling import clipped
-from tactile_servo.control.speed_controller import caution, SpeedController
+from tactile_servo.control.scaling import caution, clipped
 from tactile_servo.edge_map.edge_map import Stand
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.laws.edge_config import EdgeFollowingConfig
 from tactile_servo.laws.edge_sight import EdgeSight, Load
-from tactile_servo.motion.agility import Agility
+from tactile_servo.motion.motion import Motion
 from tactile_servo.types import EdgeGoal
 
 # Speeds [m/s]
 BLIND = 0.05  # largest at the end of the visible path
 ENTRY = 0.03  # at which the second leg of a corner may reach the pad: its load comes suddenly
-SEARCH = 0.02  # in the search for a lost edge
 NORMAL = 0.05  # largest along the normal
+RETURN_SPEED = 0.1  # largest back to the path
 # Share of the acceleration in the plane that is planned; the rest is for corrections
 AGILE = 0.8
 CORNER_SETTLE = 3e-4  # m before and after a sharp corner that are passed at its speed, for the lag
@@ -42,8 +35,9 @@ SHORTEST = 0.5  # least edge length that carries the force, as a share of the pa
 COMING_SHARE = 0.35  # share of the coming edge's length for which the pad unloads in advance
 HASTE = 5.0  # factor of the force gain while the pad unloads for a coming edge
 INTEGRAL = 60.0  # integral gain of the force control [1/s^2]
-# Turn along the edge
-TURN_GAIN, TURN_RATE = 5.0, 1.5  # gain [1/s] and largest rate [rad/s]
+# Turn along the edge: gain [1/s], largest rate [rad/s] and acceleration [rad/s^2], and share of
+# the joints' acceleration. A wrist that is asked for more holds back the whole pad, off the edge.
+TURN_GAIN, TURN_RATE, TURN_ACCELERATION, TURNING = 5.0, 1.5, 5.0, 0.6
 
 
 def missing_depth(force: float, load: Load, *, half: float, length: float, pressed: float,
@@ -52,18 +46,9 @@ def missing_depth(force: float, load: Load, *, half: float, length: float, press
     Return the additional indentation that the wanted force needs [m].
 
     The present line force is predicted from that of the image and from the pad's motion since.
-    The wanted line force is the wanted force over the edge length that will soon be under the pad.
-
-    Parameters
-    ----------
-    force, load : float, Load
-        Wanted force [N], and load of the newest image.
-    half, length : float
-        Half the pad's smaller size, and edge length that will soon be under the pad [m].
-    pressed : float
-        Increase of the indentation since the image was taken [m].
-    skin_stiffness : float
-        Line force per indentation [N/m^2].
+    The wanted line force is the wanted force [N] over the edge `length` [m] that will soon be
+    under the pad, whose smaller half side is `half` [m]. Since the image the indentation has
+    increased by `pressed` [m]; `skin_stiffness` is the line force per indentation [N/m^2].
     """
     shortest = SHORTEST * half
     predicted = load.force / max(load.length, shortest) + skin_stiffness * pressed
@@ -74,37 +59,30 @@ def missing_depth(force: float, load: Load, *, half: float, length: float, press
 
 
 class EdgeMotion:
-    """Controllers of a pad at an edge."""
+    """Controllers of a pad at an edge; `speed` along it and `velocity` x, y in the plane [m/s]."""
 
     def __init__(self, config: EdgeFollowingConfig, goal: EdgeGoal, sight: EdgeSight):
         self.config, self.goal, self.sight = config, goal, sight
-        self._speed, self._path = SpeedController(), PathController(config.path.lateral_gain)
-        self._force = ForceController(
-            ForceGains(config.force.gain, integral=INTEGRAL, press=NORMAL, lift=NORMAL))
-        self._attitude = AttitudeController(AttitudeGains(
-            gain=TURN_GAIN, max_rate=TURN_RATE, acceleration=config.attitude.acceleration))
+        self._force = ForceController(config.force.gain, INTEGRAL, press=NORMAL, lift=NORMAL)
+        self._attitude = AttitudeController(TURN_GAIN, TURN_RATE)
+        self.reset()
 
     def retune(self, config: EdgeFollowingConfig) -> None:
         """Use new gains from now on."""
-        self.config, self._path.gain = config, config.path.lateral_gain
-        self._force.gains = replace(self._force.gains, gain=config.force.gain)
+        self.config, self._force.gain = config, config.force.gain
 
     def reset(self) -> None:
         """Reset all controllers to standstill."""
-        for controller in (self._speed, self._path, self._force, self._attitude):
-            controller.reset()
-
-    @property
-    def speed(self) -> float:
-        """Speed along the edge [m/s]."""
-        return self._speed.speed
+        self.speed, self.velocity = 0.0, (0.0, 0.0)
+        self._force.reset()
+        self._attitude.reset()
 
     def soon(self) -> tuple[float, float]:
         """Return the displacement x, y [m] within the time constant of the force control."""
-        x, y = self._path.velocity
+        x, y = self.velocity
         return x / self.config.force.gain, y / self.config.force.gain
 
-    def along(self, stand: Stand, agility: Agility, dt: float, *,
+    def along(self, stand: Stand, robot: Motion, dt: float, *,
               may_lift: bool = False) -> tuple[float, float]:
         """
         Return the velocity x, y along the path and back to it [m/s].
@@ -116,53 +94,68 @@ class EdgeMotion:
         # A second leg that reaches the pad adds its load suddenly: slow down before.
         share = min(load.coming / min(scale.half_x, scale.half_y), 1.0)
         top = goal.speed - max(goal.speed - ENTRY, 0.0) * share
-        off = (math.hypot(*stand.aside) / scale.grain - ON_PATH) / (ASTRAY - ON_PATH)
+        distance = math.hypot(*stand.aside)
+        off = (distance / scale.grain - ON_PATH) / (ASTRAY - ON_PATH)
         top *= caution(max(pressed, 1.0) if may_lift else pressed, off)
         top = min(top, AGILE * NORMAL / max(abs(self.sight.slope), 1e-9))  # on a slope
-        most = min(self.config.speed.acceleration, agility.across())
+        most = min(self.config.speed.acceleration, robot.across())
         top = edge.speed_limit(stand.ahead, top, AGILE * most,
                                BLIND if edge.path.end is PathEnd.VIEW else top,
                                self.config.path.corner_cut, settle=CORNER_SETTLE)
-        speed = self._speed.change(top, AGILE * most * dt, math.inf)
-        x, y = edge.way(stand.ahead, stand.ahead + LOOK_AHEAD * scale.grain + speed * dt)
-        return self._path.follow((speed * x, speed * y), stand.aside, most, dt)
+        self.speed = speed = min(top, self.speed + AGILE * most * dt)
+        ux, uy = edge.way(stand.ahead, stand.ahead + LOOK_AHEAD * scale.grain + speed * dt)
+        # Return to the path slowly enough to stop there.
+        back = min(self.config.path.lateral_gain * distance, math.sqrt(most * distance),
+                   RETURN_SPEED) / max(distance, 1e-9)
+        x, y = stand.aside
+        return self._change(speed * ux + back * x, speed * uy + back * y, most * dt)
+
+    def _change(self, x: float, y: float, most: float) -> tuple[float, float]:
+        """Change the velocity towards x, y by at most `most` [m/s], and return it."""
+        before_x, before_y = self.velocity
+        size = math.hypot(x - before_x, y - before_y)
+        share = most / size if size > most else 1.0
+        self.velocity = before_x + (x - before_x) * share, before_y + (y - before_y) * share
+        return self.velocity
+
+    def aside(self, x: float, y: float, dt: float) -> tuple[float, float]:
+        """Change the velocity towards a wanted x, y that leaves the path; return it [m/s]."""
+        self.speed = math.hypot(x, y)
+        return self._change(x, y, self.config.speed.acceleration * dt)
 
     def touch_speed(self, left: float) -> float:
         """Return the speed along the normal [m/s] that can stop at a touch or after `left` [m]."""
         seen = touch_speed(self.goal.force, self.config.force.stiffness, self.sight.age)
         # Plan half of the deceleration: commands already sent delay the braking.
-        return min(NORMAL, seen, math.sqrt(self._force.gains.braking * left))
-
-    def aside(self, x: float, y: float, dt: float) -> tuple[float, float]:
-        """Change the velocity towards a wanted x, y that leaves the path; return it [m/s]."""
-        self._speed.speed = math.hypot(x, y)
-        return self._path.change(x, y, self.config.speed.acceleration * dt)
+        return min(NORMAL, seen, math.sqrt(BRAKING * left))
 
     def depth(self, force: float) -> float:
         """Return the indentation [m] for a force [N], with the edge length under the pad."""
-        scale = self.sight.edge.scale
-        length = max(self.sight.load.length, SHORTEST * min(scale.half_x, scale.half_y))
-        return force / (self.config.force.skin_stiffness * length)
+        edge = self.sight.edge
+        length = max(self.sight.load.length, SHORTEST * min(edge.scale.half_x, edge.scale.half_y))
+        return force / (edge.skin_stiffness * length)
 
     def press(self, stand: Stand, dt: float, *, may_press: bool = True) -> float:
         """Return the velocity along the normal that keeps the force [m/s]."""
-        sight, goal, c = self.sight, self.goal, self.config.force
+        sight, goal = self.sight, self.goal
         load, scale, depth = sight.load, sight.edge.scale, stand.there.item(2, 3)
         missing = missing_depth(
             goal.force, load, half=min(scale.half_x, scale.half_y), length=stand.length,
             pressed=depth - sight.height - sight.slope * (stand.ahead - sight.station),
-            skin_stiffness=c.skin_stiffness)
+            skin_stiffness=sight.edge.skin_stiffness)
         off = goal.force - load.force
         give = self._force.speed(
-            missing, off / c.stiffness if abs(off) < INTEGRATED * goal.force else None, dt,
+            missing, off / self.config.force.stiffness if abs(off) < INTEGRATED * goal.force
+            else None, dt,
             # Unloading for a coming leg must be quick; the motion since the image is known.
             haste=HASTE if load.coming > 0.0 and missing < 0.0 else 1.0,
             # Do not press on contacts that are not the edge.
             may_press=may_press and sight.problem is None)
         return clipped(give + sight.slope * self.speed, -NORMAL, NORMAL)
 
-    def turn(self, stand: Stand, dt: float) -> np.ndarray:
+    def turn(self, stand: Stand, robot: Motion, dt: float) -> np.ndarray:
         """Return the angular velocity (3,) that aligns the pad with the edge [rad/s]."""
+        error = off_edge(stand.there, stand.way, self.sight.slope, self.goal.direction,
+                         self.config.attitude.max_turn)
         return self._attitude.rate(
-            off_edge(stand.there, stand.way, self.sight.slope, self.goal.direction,
-                     self.config.attitude.max_turn), np.zeros(3), dt)
+            error, np.zeros(3), dt, min(TURN_ACCELERATION, TURNING * robot.turning()))

@@ -27,32 +27,17 @@ class Load(NamedTuple):
 
 
 class EdgeSight:
-    """
-    Edge as seen in the images since the start of a goal.
-
-    Attributes
-    ----------
-    looked, shown : float
-        Steady times of the last usable image, and of the last image that shows the edge [s].
-    age : float
-        Running mean of the images' age [s].
-    problem : Reason or None
-        Why the last image does not show the edge.
-    load : Load
-    height, station : float
-        Height of the pad along the plane's normal [m] and its station on the path [m], both at
-        the newest image.
-    slope : float
-        Slope of the edge against the plane, along the path.
-    error : TaskError or None
-    press : PressCheck
-    """
+    """Edge as seen in the images since the start of a goal."""
 
     def __init__(self, goal: EdgeGoal, skin_stiffness: float):
         self._goal, self.edge = goal, EdgeMap(skin_stiffness)
+        # Steady times of the last usable image, and of the last one that shows the edge [s].
         self.looked = self.shown = -math.inf
-        self.age = self.height = self.station = self.slope = 0.0
-        self.problem: Reason | None = Reason(ReasonCode.NO_IMAGE)
+        self.age = 0.0  # running mean of the images' age [s]
+        self.problem: Reason | None = Reason(ReasonCode.NO_IMAGE)  # why the last one shows no edge
+        # At the newest image: height of the pad along the plane's normal and its station on the
+        # path [m], and slope of the edge along the path against the plane.
+        self.height = self.station = self.slope = 0.0
         self.load, self.press = Load(), PressCheck()
         self.error: TaskError | None = None
 
@@ -81,20 +66,19 @@ class EdgeSight:
         picture = edge.picture
         self.looked, self.height = observation.arrival, picture.height
         self.age += AGE_SHARE * (observation.age - self.age)
-        sight, length = edge.follow(direction, anew=anew), self.load.length
+        self.problem, begun = edge.follow(direction, anew=anew)
+        length = self.load.length
         if edge.followed:
             lateral, angle, length, slope = edge.at_picture(
-                direction, edge.station if sight.begun else ahead)
+                direction, edge.station if begun else ahead)
         self.load = Load(picture.force, length, picture.coming)
-        if sight.problem is None:
-            self.problem, self.shown, self.station = None, observation.arrival, edge.station
-            self.slope = self.slope if sight.begun or math.isnan(slope) else slope
+        if self.problem is None:
+            self.shown, self.station = observation.arrival, edge.station
+            self.slope = self.slope if begun or math.isnan(slope) else slope
             self.error = TaskError(lateral, angle=angle, force=picture.force)
             found, depth, way = indentation_of(picture.points, picture.pose, picture.scale.half)
             if found and not anew:
                 self.press.see(picture.pose[:3, 3], way, depth)
-        else:
-            self.problem = sight.problem
-            if self.error is not None:
-                self.error = self.error._replace(force=picture.force)
-        return sight.begun
+        elif self.error is not None:
+            self.error = self.error._replace(force=picture.force)
+        return begun

@@ -6,9 +6,8 @@ from tactile_common.errors import ConfigurationError
 from tactile_servo.config import ServoConfig
 from tactile_servo.law import ServoLaw
 from tactile_servo.laws.edge_following import EdgeFollowing
-from tactile_servo.laws.jacobian_rate import JacobianRate
 from tactile_servo.laws.resolved_rate import ResolvedRate
-from tactile_servo.laws.surface_following import SurfaceFollowing
+from tactile_servo.laws.surface_following import JacobianRate, SurfaceFollowing
 
 
 class Row(NamedTuple):

@@ -11,15 +11,23 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import image_patience, MAX_STAMP_AGE, ServoConfig, STALE_AFTER
-from tactile_servo.control.lap_guard import LapGuard
 from tactile_servo.control.press_check import PressCheck
+from tactile_servo.control.progress import LapGuard
 from tactile_servo.control.scaling import clipped, ramp, slewed
 from tactile_servo.control.stability import AGE_SHARE, gain_limit
-from tactile_servo.law import Assessment, LawResult, Observation, Reference, Refusal, Touch
+from tactile_servo.law import (
+    Assessment,
+    done,
+    LawResult,
+    Observation,
+    overforce,
+    Reference,
+    Refusal,
+    Touch,
+)
 from tactile_servo.laws.edge_features import edge_features, EdgeFeatures
-from tactile_servo.laws.edge_goal import ended, refuse_edge_goal, within_goal
-from tactile_servo.motion.agility import Agility
-from tactile_servo.motion.motion import COMMITTED
+from tactile_servo.laws.edge_goal import edge_end, goal_end, refuse_edge_goal
+from tactile_servo.motion.motion import COMMITTED, Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
@@ -77,36 +85,21 @@ class ResolvedRateConfig:
     force: ForceConfig = field(default_factory=ForceConfig)
 
 
-def alignment_scale(features: EdgeFeatures, half_width: float) -> float:
-    """Return a speed factor, 0 to 1, that falls as the edge approaches the border of the pad."""
-    return ramp(abs(features.lateral) / half_width, 1.0, ALIGNED)
-
-
-def contact_scale(features: EdgeFeatures, force: float) -> float:
-    """Return a speed factor, 0 to 1, that falls as the force becomes too small."""
-    return ramp(features.force / force, 0.0, FIRM)
+def speed_factor(features: EdgeFeatures, half_width: float, force: float) -> float:
+    """Return a factor, 0 to 1, that falls near the border of the pad, and with a small force."""
+    return min(ramp(abs(features.lateral) / half_width, 1.0, ALIGNED),
+               ramp(features.force / force, 0.0, FIRM))
 
 
 def edge_twist(features: EdgeFeatures, speed: float, force: float, config: ResolvedRateConfig,
                shortest: float = 0.0) -> np.ndarray:
     """
-    Return the twist that drives X_a to X_d: dX = (X_f - X_a) / T_seg dt of (5.3).
+    Return the twist (6,) that drives X_a to X_d: dX = (X_f - X_a) / T_seg dt of (5.3).
 
-    The stiffness converts force to position, z_a = P / K_z (5.6, where K_z is the total
-    stiffness). Every component is bounded, because the rate of (5.3) is unbounded as t approaches
-    T_seg.
-
-    Parameters
-    ----------
-    speed, force : float
-        Signed speed along the sensor's y [m/s], and wanted normal force [N].
-    shortest : float
-        Lower bound of every T_seg [s].
-
-    Returns
-    -------
-    ndarray, shape (6,)
-        Linear and angular velocity of the sensor frame, in the sensor frame [m/s, rad/s].
+    It is in the sensor frame [m/s, rad/s], for a signed speed along the sensor's y [m/s] and a
+    wanted force [N]. The stiffness converts force to position, z_a = P / K_z (5.6, where K_z is
+    the total stiffness). Every component is bounded, because the rate of (5.3) is unbounded as t
+    approaches T_seg; `shortest` is the lower bound of every T_seg [s].
     """
     def rate(error: float, segment_time: float, most: float) -> float:
         return clipped(error / max(segment_time, shortest), -most, most)
@@ -122,7 +115,7 @@ def edge_twist(features: EdgeFeatures, speed: float, force: float, config: Resol
 
 class ResolvedRate:
     """
-    Control the features of the newest contact towards their wanted values.
+    Control the features of the newest contact towards their wanted values; a `ServoLaw`.
 
     The age of the images is a dead time in the control loops, so T_seg increases with it:
     `shortest` is the least T_seg with a sufficient margin of stability [s].
@@ -147,18 +140,15 @@ class ResolvedRate:
         self._press = PressCheck()
 
     def retune(self, config: ResolvedRateConfig) -> None:
-        """Use new gains from now on."""
         self.config = config
 
     def validate(self, goal: EdgeGoal) -> Refusal | None:
-        """Return why this law cannot execute a goal, or None."""
         if goal.closed:
             return Refusal(ReasonCode.UNSUPPORTED_GOAL,
                            'closed contours are not tracked without a map of them')
         return refuse_edge_goal(goal)
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
-        """Forget the last goal and start a new one."""
         self.goal, self._array = goal, sensor.array
         self._stale = image_patience(sensor.nominal_rate)
         self.features, self._problem, self._begun = UNKNOWN, '', True
@@ -169,12 +159,10 @@ class ResolvedRate:
         self.resume()
 
     def resume(self) -> None:
-        """Continue from a standstill."""
         self._speed = 0.0
         self._press.forget()
 
     def observe(self, observation: Observation) -> None:
-        """Process a contact."""
         if observation.contact is None:
             return
         arrival = observation.arrival
@@ -196,8 +184,7 @@ class ResolvedRate:
         if self.features is not UNKNOWN:  # the speed along the edge is added in `reference`
             self._twist = edge_twist(self.features, 0.0, self.goal.force, self.config,
                                      self.shortest)
-            self._slowed = min(alignment_scale(self.features, self._array.half_width_x),
-                               contact_scale(self.features, self.goal.force))
+            self._slowed = speed_factor(self.features, self._array.half_width_x, self.goal.force)
 
     def _compare_depth(self, observation: Observation, features: EdgeFeatures) -> None:
         contact, pose = observation.contact, observation.pose()
@@ -221,24 +208,20 @@ class ResolvedRate:
         return self.goal.force / (self.config.force.stiffness * self.shortest)
 
     def depth(self, force: float) -> float:
-        """Return the depth [m] for a force [N]."""
         return force / self.stiffness
 
     @property
     def unfelt(self) -> float:
-        """Force expected from the pad's depth, minus the force seen in images [N]."""
         return self.stiffness * self._press.unexplained
 
     def lacks(self, now: float) -> Reason | None:
-        """Return what prevents the law from tracking, or None."""
         if now - self._shown < self._stale:
             return None
         return Reason(ReasonCode.EDGE_LOST, self._problem)
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
-        """Decide whether to continue."""
         self._progress = progress
-        return within_goal(self.goal, self._laps, progress, self._assess(now, progress, load))
+        return goal_end(self.goal, self._laps, progress, self._assess(now, progress, load))
 
     def _assess(self, now: float, progress: float, load: float) -> Assessment:
         goal, array = self.goal, self._array
@@ -248,22 +231,18 @@ class ResolvedRate:
                 lacking = Reason(ReasonCode.CONTACT_LOST, lacking.detail)
             return Assessment(State.HOLD, lacking)
         if load > OVERFORCE * goal.force:
-            return Assessment(State.DONE, Reason(
-                ReasonCode.OVERFORCE, f'{load:.1f} N, beyond {OVERFORCE:g} times the '
-                f'{goal.force:g} N asked for'), lift=True)
+            return overforce(load, goal.force, OVERFORCE)
         ahead = goal.direction * self.features.remaining
         shortest = 2.0 * array.half_width_y
         if ahead < -END_BEHIND * array.half_width_y and progress > shortest:
             aside = abs(self.features.lateral)
             if aside > MISSED * array.half_width_x:
-                return Assessment(State.DONE, Reason(
-                    ReasonCode.ENDED_BESIDE, f'{1e3 * aside:.1f} mm'))
-            return ended(goal, progress, shortest)
+                return done(ReasonCode.ENDED_BESIDE, f'{1e3 * aside:.1f} mm')
+            return edge_end(goal, progress, shortest)
         return Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 
-    def reference(self, pose: np.ndarray, commanded: np.ndarray, agility: Agility,
+    def reference(self, pose: np.ndarray, commanded: np.ndarray, robot: Motion,
                   dt: float) -> Reference:
-        """Return the reference for the measured and the commanded pose (4, 4) of the sensor."""
         goal, twist = self.goal, self._twist.copy()
         self._speed = slewed(self._speed, self._slowed * goal.speed,
                              self.config.speed.acceleration * dt)
@@ -273,5 +252,4 @@ class ResolvedRate:
         return Reference(twist, self._speed, heading)
 
     def result(self) -> LawResult:
-        """Return an empty result: this law maps nothing."""
         return LawResult()

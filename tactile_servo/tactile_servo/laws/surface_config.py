@@ -2,27 +2,16 @@
 from dataclasses import dataclass, field
 
 from tactile_common.config import bounded
-from tactile_common.errors import ConfigurationError
 
 
 @dataclass(frozen=True)
 class ProbeConfig:
-    """Geometry and stiffness of the round probe."""
+    """Geometry and skin of the round probe; the depth of its tactels is in the calibration."""
 
     skin_radius: float = bounded(0.027, 'of the surface of the skin', 'm', 1e-3, 1.0)
-    array_radius: float = bounded(0.025, 'of the sphere of the tactels', 'm', 1e-3, 1.0)
-    stiffness: float = bounded(
-        15600.0, 'K_z of (6.7): force per way along the normal of skin, finger and robot, at '
-        '5 N; it grows with the root of the force', 'N/m', 10.0, 1e7)
     modulus: float = bounded(
         1.44e8, "pressure per indentation of the skin's surface: P / (pi R d^2) where a force P "
         'presses a plate in by d', 'Pa/m', 1e3, 1e13)
-
-    def __post_init__(self) -> None:
-        if not self.array_radius < self.skin_radius:
-            raise ConfigurationError(
-                f'probe.array_radius: {self.array_radius} m is not below probe.skin_radius, '
-                f'{self.skin_radius} m')
 
 
 @dataclass(frozen=True)
@@ -35,7 +24,7 @@ class JacobianConfig:
 
 
 @dataclass(frozen=True)
-class CourseConfig:
+class SpeedConfig:
     """Motion over the surface."""
 
     acceleration: float = bounded(0.2, 'acceleration of the contact', 'm/s^2', 0.01, 100.0)
@@ -45,21 +34,14 @@ class CourseConfig:
 
 
 @dataclass(frozen=True)
-class PressConfig:
+class ForceConfig:
     """Motion along the contact's normal."""
 
     gain: float = bounded(
-        30.0, 'rate at which an error of the force is made up', '1/s', 0.1, 500.0, live=True)
-
-
-@dataclass(frozen=True)
-class RollConfig:
-    """Rotation of the probe about its centre."""
-
-    max_rate: float = bounded(4.0, 'largest rate of turn', 'rad/s', 1e-3, 50.0)
-    acceleration: float = bounded(
-        6.0, 'acceleration of the turn; a wrist that is asked for more than it can holds back '
-        'the whole probe, out of the surface', 'rad/s^2', 0.1, 1e4)
+        30.0, 'rate at which an error of the force is made up', '1/s', 1.0, 200.0, live=True)
+    stiffness: float = bounded(
+        15600.0, 'K_z of (6.7): force per way along the normal of skin, finger and robot, at '
+        '5 N; it grows with the root of the force', 'N/m', 10.0, 1e7)
 
 
 @dataclass(frozen=True)
@@ -68,6 +50,5 @@ class SurfaceConfig:
 
     probe: ProbeConfig = field(default_factory=ProbeConfig)
     jacobian: JacobianConfig = field(default_factory=JacobianConfig)
-    course: CourseConfig = field(default_factory=CourseConfig)
-    press: PressConfig = field(default_factory=PressConfig)
-    roll: RollConfig = field(default_factory=RollConfig)
+    speed: SpeedConfig = field(default_factory=SpeedConfig)
+    force: ForceConfig = field(default_factory=ForceConfig)

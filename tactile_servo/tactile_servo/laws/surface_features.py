@@ -61,10 +61,9 @@ class ContactSense:
     table: JacobianTable | None = None
 
     def __post_init__(self) -> None:
-        c = self.config
         # On an elastic foundation the force is proportional to the square of the depth.
-        self.stiffness = c.probe.stiffness * math.sqrt(self.force / REFERENCE)
-        self._kind = kind_of(self.table)
+        self.stiffness = self.config.force.stiffness * math.sqrt(self.force / REFERENCE)
+        self._kind = self.table.kind if self.table else FeatureKind.CENTROID
         model = ModelFeatures(HalfSpaceDome(self.dome, self.array), self.array, self._kind)
         centre = np.array([0.0, 0.0, self.force])
         self.centred = model(centre)
@@ -75,7 +74,7 @@ class ContactSense:
 
     def tell(self, features: np.ndarray) -> Told:
         """Return the contact for features (3,)."""
-        inverse = self.table.nearest(features).inverse if self.table else self._inverse
+        inverse = self.table.nearest(features) if self.table else self._inverse
         error = inverse @ (self.centred - features)
         return Told(max(self.force - self.stiffness * error[2], 0.0), -error[:2], error)
 
@@ -104,11 +103,6 @@ class ContactSense:
     def pressed(self, depth: float) -> float:
         """Return the force [N] at a depth relative to that at the Jacobian's force [m]."""
         return self.force * max(1.0 + 0.5 * self.stiffness * depth / self.force, 0.0)**2
-
-
-def kind_of(table: JacobianTable | None) -> FeatureKind:
-    """Return the kind of features: that of the table, or centroids without a table."""
-    return table.kind if table else FeatureKind.CENTROID
 
 
 def pressure_of(image: TactileImage, array: TactelArray) -> np.ndarray | Reason:

@@ -1,10 +1,18 @@
-"""Goal and result of the laws that follow a surface."""
+"""Goal of the laws that follow a surface, its path and its result."""
 from dataclasses import dataclass, field
 from enum import IntEnum
 import math
 
 import numpy as np
 
+from tactile_servo.control.surface_path import (
+    Line,
+    PlanarPath,
+    raster,
+    seen_along,
+    spiral,
+    SurfacePath,
+)
 from tactile_servo.law import LawResult, Refusal
 from tactile_servo.reasons import ReasonCode
 
@@ -75,3 +83,18 @@ def refuse_surface_goal(goal: SurfaceGoal) -> Refusal | None:
 
 def _invalid(detail: str) -> Refusal:
     return Refusal(ReasonCode.INVALID_GOAL, detail)
+
+
+def plan_path(goal: SurfaceGoal, point: np.ndarray, normal: np.ndarray,
+              acceleration: float) -> SurfacePath:
+    """Return the path of a goal from its first contact (3,) and the inward normal (3,) there."""
+    direction = np.array(goal.direction, dtype=float)
+    if goal.pattern == Pattern.LINE:
+        return Line(point, normal, direction)
+    if goal.pattern == Pattern.RASTER:
+        plan = raster(*goal.size, goal.step_over)
+    elif goal.pattern == Pattern.SPIRAL:
+        plan = spiral(goal.size[0], goal.step_over)
+    else:
+        plan = seen_along(np.asarray(goal.points, dtype=float), point, normal, direction)
+    return PlanarPath(point, normal, direction, plan, acceleration)

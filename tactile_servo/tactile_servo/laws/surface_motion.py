@@ -1,18 +1,17 @@
 """Motion of a round probe over a surface: speed along it, force, rotation about its centre."""
-from dataclasses import replace
 import math
 
 import numpy as np
 
 from tactile_sensing.dome.geometry import Dome
-from tactile_servo.control.attitude_controller import AttitudeController, AttitudeGains
-from tactile_servo.control.force_controller import ForceController, ForceGains, INTEGRATED
-from tactile_servo.control.speed_controller import caution, SpeedController
+from tactile_servo.control.attitude_controller import AttitudeController
+from tactile_servo.control.force_controller import ForceController, INTEGRATED
+from tactile_servo.control.scaling import caution
 from tactile_servo.control.surface_filter import SurfaceFilter
 from tactile_servo.control.surface_path import Step
 from tactile_servo.laws.surface_config import SurfaceConfig
 from tactile_servo.laws.surface_features import Felt, Told
-from tactile_servo.motion.agility import Agility, Pace
+from tactile_servo.motion.motion import Motion, Pace
 
 # Share of the force:
 UNHEARD = 0.2  # largest increase by commanded motion that no joint state has confirmed
@@ -22,9 +21,8 @@ ASIDE, CENTRED = 0.7, 0.3  # distance of the contact from its wanted place: stop
 INTEGRAL = 150.0  # integral gain of the force control [1/s^2]
 PRESS, LIFT = 0.01, 0.05  # largest speed along the normal [m/s], towards the object and off it
 ROLL = 15.0  # rate at which the contact is brought to its wanted place on the pad [1/s]
+ROLL_RATE = 10.0  # rad/s, largest: that of 0.2 m/s over a radius of 20 mm
 # Speed:
-WITHIN = 0.8  # share of the largest turn rate that following the surface may use
-AT_ONCE = 0.7  # share of the turn's acceleration that speeding up may use
 ANSWER = 0.02  # time until the robot reacts to an image [s]
 TURNED = 0.4  # least motion of the contact relative to the centre's: on an edge it is zero
 EDGE = 1.0 / 3.0  # this ratio for an object half as wide as the probe; below it, an edge
@@ -34,7 +32,12 @@ BRAKE = 8.0  # deceleration, as a multiple of the acceleration
 BENDING = 0.3  # for the changes of joint velocity at constant speed, large near a singularity
 SPARED = 0.5  # share of the rest that speeding up may use
 BRAKED, SLOWED = 0.8, 0.02  # for slowing down, and its least deceleration [m/s^2]
-TURNING = 0.6  # for a change of the turn rate
+# For a change of the turn rate. A wrist that is asked for more than it can holds back the whole
+# probe, out of the surface.
+TURNING = 0.6
+# The turn accelerates as `speed.acceleration` asks for on a radius of 33 mm [rad/m]; speeding up
+# may use a share of it.
+TURNS, AT_ONCE = 30.0, 0.7
 STAND = Step(np.zeros(3), 0.0, math.inf)
 
 
@@ -49,28 +52,27 @@ class SurfaceMotion:
                  half: float, age: float):
         self.config, self._dome, self._surface, self._half = config, dome, surface, half
         self.age = age  # running mean of the images' age [s]
-        self._speed = SpeedController()
-        self._force = ForceController(ForceGains(config.press.gain, INTEGRAL, PRESS, LIFT))
-        self._attitude = AttitudeController(AttitudeGains(
-            ROLL, config.roll.max_rate, config.roll.acceleration))
+        self._force = ForceController(config.force.gain, INTEGRAL, PRESS, LIFT)
+        self._attitude = AttitudeController(ROLL, ROLL_RATE)
         self.stand()
 
     def retune(self, config: SurfaceConfig) -> None:
         """Use new gains from now on."""
-        self._force.gains = replace(self._force.gains, gain=config.press.gain)
+        self._force.gain = config.force.gain
 
     def stand(self) -> None:
         """Reset all controllers to standstill."""
-        for controller in (self._speed, self._force, self._attitude):
-            controller.reset()
+        self._force.reset()
+        self._attitude.reset()
         self.bound = ''  # joint limit that reduces the speed, or empty
+        self._speed = 0.0  # of the centre [m/s]
         self._shrunk = 1.0  # motion of the contact per motion of the centre
         self._velocity = np.zeros(3)  # velocity of the centre [m/s]
 
     @property
     def speed(self) -> float:
         """Speed of the contact along the path [m/s]."""
-        return self._speed.speed * self._shrunk
+        return self._speed * self._shrunk
 
     def centre_of(self, pose: np.ndarray) -> np.ndarray:
         """Return the centre (3,) of the probe at a pose (4, 4) [m]."""
@@ -88,10 +90,10 @@ class SurfaceMotion:
         return np.concatenate([linear - np.cross(own, self._dome.centre), own])
 
     def pace(self, way: np.ndarray, normal: np.ndarray, commanded: np.ndarray,
-             agility: Agility) -> Pace:
+             robot: Motion) -> Pace:
         """Return the pace that the joints allow along a direction (3,) at a normal (3,)."""
         course = self._twist(way, np.cross(normal, self._surface.bend @ way), commanded[:3, :3])
-        return agility.along(course, self._speed.speed, BENDING)
+        return robot.along(course, self._speed, BENDING)
 
     def advance(self, step: Step, felt: Felt, aim: Told, wanted: float, pace: Pace,
                 dt: float) -> float:
@@ -101,25 +103,25 @@ class SurfaceMotion:
         The bounded acceleration is that of the centre: at an unexpected bend the contact becomes
         slower, but the centre does not become faster.
         """
-        c, roll = self.config.course, self.config.roll
         off = math.hypot(*(felt.place - aim.place)) / self._half
         bent = self._bent(step.way)
         self._shrunk = shrink = max(bent, TURNED)
         top = min(wanted, step.top) / shrink
         top = min(top, self._known(step.way)) * caution(
             felt.force / aim.force, (off - CENTRED) / (ASIDE - CENTRED))
+        self.bound = pace.bound if pace.speed < top else ''
+        top = min(top, pace.speed)
         # The probe must turn as it moves. While the turn is late, the speed does not increase.
         turn = max(float(np.linalg.norm(self._surface.bend @ step.way)), 1e-9)
-        self.bound = pace.bound if pace.speed < top else ''
-        top = min(top, pace.speed, roll.max_rate * WITHIN / turn)
         if self._on_edge():
             top = min(top, EDGE_SPEED / (self._dome.skin_radius * turn))
-        along = c.acceleration / shrink
+        acceleration = self.config.speed.acceleration
+        along = acceleration / shrink
         faster = 0.0 if self._attitude.late else min(
-            along, SPARED * pace.acceleration, AT_ONCE * roll.acceleration / turn)
+            along, SPARED * pace.acceleration, AT_ONCE * TURNS * acceleration / turn)
         slower = min(BRAKE * along, max(BRAKED * pace.acceleration, SLOWED))
-        self._speed.change(top, faster * dt, slower * dt)
-        self._speed.speed = min(self._speed.speed, step.top / shrink)
+        self._speed = min(max(top, self._speed - slower * dt), self._speed + faster * dt,
+                          step.top / shrink)
         return self.speed
 
     def _bent(self, way: np.ndarray) -> float:
@@ -133,7 +135,7 @@ class SurfaceMotion:
 
     def _known(self, way: np.ndarray) -> float:
         """Return the speed of the centre that the uncertain curvature ahead allows [m/s]."""
-        reach = math.sqrt(2.0 * self.config.course.blind / max(self._surface.bend_std(way), 1e-9))
+        reach = math.sqrt(2.0 * self.config.speed.blind / max(self._surface.bend_std(way), 1e-9))
         return reach / (self.age + ANSWER)
 
     def press(self, pose: np.ndarray, commanded: np.ndarray, felt: Felt, aim: Told,
@@ -147,7 +149,7 @@ class SurfaceMotion:
         """
         predicted, _ = self._surface.predict(self.centre_of(pose))
         sent, _ = self._surface.predict(self.centre_of(commanded))
-        predicted = max(predicted, sent - UNHEARD * aim.force / self.config.probe.stiffness)
+        predicted = max(predicted, sent - UNHEARD * aim.force / self.config.force.stiffness)
         near = abs(felt.force - aim.force) < INTEGRATED * aim.force
         return self._force.speed(
             wanted - predicted, wanted - depth if depth is not None and near else None, dt,
@@ -155,18 +157,18 @@ class SurfaceMotion:
             may_press=math.hypot(*felt.place) <= ASIDE * self._half)
 
     def twist(self, way: np.ndarray, normal: np.ndarray, press: float, commanded: np.ndarray,
-              aim: Told, agility: Agility, dt: float) -> np.ndarray:
+              aim: Told, robot: Motion, dt: float) -> np.ndarray:
         """
         Return the twist (6,) in the sensor's frame, for a direction (3,) and a normal (3,).
 
         The probe turns with the normal, and aligns with it the axis from its centre to the wanted
         place of the contact. `press` is its velocity along the normal [m/s].
         """
-        rotation, velocity = commanded[:3, :3], self._speed.speed * way
+        rotation, velocity = commanded[:3, :3], self._speed * way
         axis = rotation @ self._dome.direction(aim.place)
         error, ahead = np.cross(axis, normal), np.cross(normal, self._surface.bend @ velocity)
         about = self._twist(np.zeros(3), self._attitude.way(error, ahead), rotation)
-        able = TURNING * agility.along(about).acceleration
-        turn = self._attitude.rate(error, ahead, dt, able)
+        turn = self._attitude.rate(error, ahead, dt, min(
+            TURNS * self.config.speed.acceleration, TURNING * robot.along(about).acceleration))
         self._velocity = velocity + press * normal
         return self._twist(self._velocity, turn, rotation, dt)

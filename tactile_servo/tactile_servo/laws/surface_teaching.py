@@ -8,9 +8,10 @@ import numpy as np
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
-from tactile_servo.laws.surface_features import ContactSense, pressure_of, Told
+from tactile_servo.laws.surface_features import pressure_of, Told
 from tactile_servo.reasons import Reason
 from tactile_servo.tactile_jacobian.features import FeatureKind, features_of
+from tactile_servo.tactile_jacobian.table import JacobianTable
 
 NAME = re.compile(r'[A-Za-z0-9_-]{1,40}')
 MOST = 100  # largest number of names
@@ -20,8 +21,8 @@ APART = 1.5  # largest factor between the taught force and the goal's
 class Lessons:
     """Taught features by name, kept while the servo runs."""
 
-    def __init__(self, kind: FeatureKind):
-        self._kind = kind
+    def __init__(self, table: JacobianTable | None):
+        self._kind = table.kind if table else FeatureKind.CENTROID
         self._shown: dict[str, np.ndarray] = {}  # (3,)
 
     def take(self, name: str, image: TactileImage, array: TactelArray, least: float) -> str:
@@ -65,11 +66,6 @@ class Lessons:
                     f'features {name!r} are of {taught:.2f} N, the goal is of {force:g} N: must '
                     f'be within a factor of {APART:g}')
         return [self._shown[name] for name in names]
-
-
-def wanted_contacts(sense: ContactSense, features: Sequence[np.ndarray]) -> list[Told]:
-    """Return the contacts for features; without features, the one at the pad's centre."""
-    return [sense.tell(shown) for shown in features or [sense.centred]]
 
 
 def between(wanted: Sequence[Told], share: float) -> Told:

@@ -27,6 +27,7 @@ TAKE_OVER = 0.5  # relative to the damping: weight of the null space, free to re
 PUSH_ZONE = 0.15  # share of a joint's range at either end, which a redundant arm avoids
 PUSH = 4.0  # motion of a joint at its limit per (weighted) metre of the sensor [rad/m]
 PUSH_SPEED = 0.1  # largest such velocity, as a share of the joint's velocity limit
+AXES = np.eye(6)  # twists of the sensor along and about its axes
 
 
 def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: float = DAMPING,
@@ -37,25 +38,10 @@ def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: fl
     With ``W = diag(1, 1, 1, l, l, l)`` (l = `rotation_length`) and the singular values s of
     ``W J``, this is ``dq = (W J)^T U diag(1 / max(s^2, damping^2)) U^T W twist``: the numerical
     filtering of Chiaverini, Siciliano and Egeland (IEEE T-CST 2(2), 1994), for each singular
-    direction. Always ``|dq| <= |W twist| / damping``.
+    direction. Always ``|dq| <= |W twist| / damping``. The rows of the Jacobian (6, n) are linear,
+    then angular; `damping` and l are in m/rad.
 
-    Parameters
-    ----------
-    jacobian : ndarray (6, n)
-        Rows linear [m/rad], then angular [rad/rad].
-    twist : array_like (6,)
-        Twist in the Jacobian's frame [m/s, rad/s].
-    damping : float
-        Smallest singular value of the weighted Jacobian that is inverted without damping [m/rad].
-    rotation_length : float
-        Weight of rotation against translation [m/rad].
-
-    Returns
-    -------
-    dq : ndarray (n,)
-        Joint velocities [rad/s or m/s].
-    smallest : float
-        Smallest singular value of the weighted Jacobian [m/rad].
+    Returns the joint velocities (n,) [rad/s or m/s] and the smallest s [m/rad].
     """
     return _least_squares(np.ascontiguousarray(jacobian, dtype=float), np.asarray(twist, float),
                           np.zeros(np.shape(jacobian)[1]), damping, rotation_length)
@@ -130,16 +116,18 @@ class BoundedInverse:
         return np.minimum(PUSH * way, PUSH_SPEED * limits.velocity) * (low - high)
 
 
-def agility(jacobian: np.ndarray, acceleration: np.ndarray) -> float:
+def allowed_acceleration(jacobian: np.ndarray, acceleration: np.ndarray,
+                         axes: tuple[int, ...]) -> float:
     """
-    Return the acceleration of the sensor that is possible in any direction across its normal.
+    Return the acceleration of the sensor that is possible in any direction of some of its axes.
 
-    It is computed [m/s^2] for a start from rest, without a turn of the sensor or motion along its
-    normal, so that no joint exceeds its acceleration (n,) [rad/s^2]. It is infinite if the
-    Jacobian (6, n) is not finite.
+    It is computed [m/s^2 or rad/s^2] for a start from rest, with no other motion of the sensor, so
+    that no joint exceeds its acceleration (n,) [rad/s^2]. It is infinite if the Jacobian (6, n) is
+    not finite. The `axes` are indices of a twist.
     """
-    x, y = (damped_least_squares(jacobian, way)[0] for way in np.eye(6)[:2])
-    return float(np.fmin.reduce(acceleration / np.maximum(np.hypot(x, y), 1e-12), initial=np.inf))
+    rates = np.array([damped_least_squares(jacobian, AXES[k])[0] for k in axes])
+    return float(np.fmin.reduce(
+        acceleration / np.maximum(np.sqrt((rates**2).sum(axis=0)), 1e-12), initial=np.inf))
 
 
 @njit(cache=True)

@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_servo.motion.agility import Pace
 from tactile_servo.motion.delay import PROBE, WindowDelay
 from tactile_servo.motion.inverse import (
-    agility,
+    allowed_acceleration,
     BoundedInverse,
     damped_least_squares,
     DAMPING,
@@ -44,6 +43,14 @@ PLANNED = 0.8  # share of a joint's velocity limit that a path may use: correcti
 BOX_EXCESS = 5e-4  # distance by which braking in a curve may lead further out of the box [m]
 HELD_BACK = 0.05  # share of the wanted motion; with less realised, motion is prevented
 BLOCKED_AFTER = 1.0  # time of prevented motion after which it counts as blocked [s]
+
+
+class Pace(NamedTuple):
+    """Speed and acceleration that the joints allow along a path."""
+
+    speed: float  # m/s for a direction per metre, rad/s for a turn per radian
+    acceleration: float  # m/s^2 or rad/s^2
+    bound: str  # limit that bounds the speed, for instance 'position of joint1'
 
 
 class MotionStep(NamedTuple):
@@ -130,7 +137,11 @@ class Motion:
 
     def across(self) -> float:
         """Return the acceleration across the sensor's normal that all joints allow [m/s^2]."""
-        return agility(self._now.jacobian, self._limits.acceleration)
+        return allowed_acceleration(self._now.jacobian, self._limits.acceleration, (0, 1))
+
+    def turning(self) -> float:
+        """Return the acceleration of a turn about the normal that all joints allow [rad/s^2]."""
+        return allowed_acceleration(self._now.jacobian, self._limits.acceleration, (5,))
 
     def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
         """

@@ -56,11 +56,8 @@ class RobotModel:
         """
         Read a URDF from a file's path or from the XML itself; joints are ordered root to tip.
 
-        Raises
-        ------
-        ConfigurationError
-            The file is missing, the XML is malformed, the tip frame is unknown, a joint is a mimic
-            joint, is not revolute, continuous, prismatic or fixed, or has no limits.
+        ConfigurationError if the file is missing, the XML is malformed, the tip frame is unknown,
+        or a joint is a mimic joint, has another type than those of `MOVING`, or has no limits.
         """
         return cls(text_of(str(urdf)), tip_frame)
 
@@ -115,12 +112,8 @@ class RobotModel:
         solutions, then from random configurations (the same ones at every call). Without a seed,
         it returns the solution farthest from singularities and limits.
 
-        Raises
-        ------
-        UnreachableError
-            No solution was found; the message gives the smallest residual.
-        ConfigurationError
-            The pose is not a rigid transform, or the seed has a wrong length or is not finite.
+        UnreachableError, with the smallest residual, if no solution is found; ConfigurationError
+        if the pose is not a rigid transform, or the seed has a wrong length or is not finite.
         """
         target = _checked_pose(pose)
         best, solutions = (np.inf, np.inf), []

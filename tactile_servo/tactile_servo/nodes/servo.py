@@ -35,7 +35,7 @@ from tactile_servo.conversions import (
     touch_to_msg,
     trajectory_to_msg,
 )
-from tactile_servo.journal import Call, JournaledSupervisor
+from tactile_servo.journal import Call
 from tactile_servo.law import Teachable
 from tactile_servo.laws.registry import law_named, LAWS
 from tactile_servo.nodes.goal_server import GoalServer
@@ -43,6 +43,7 @@ from tactile_servo.nodes.graph_guard import GraphGuard
 from tactile_servo.nodes.pace import Pace
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.robot_config import NodeConfig, robot_of
+from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import State, Status
 
 GUARD_PERIOD = 0.1  # s between checks of the graph
@@ -108,7 +109,7 @@ class EdgeServoNode(TactileNode):
         law = law_named(config.law).law
         law_config = declare_from(self, law.config_type)
         self._model, limits, box = robot_of(config)
-        self._servo = JournaledSupervisor(
+        self._servo = Supervisor(
             self._model, limits, law(servo_config, law_config), servo_config, box)
         follow_changes(self, law.config_type, self._servo.retune)
         self.texts = {'robot_description': self._model.urdf}
@@ -300,7 +301,7 @@ class EdgeServoNode(TactileNode):
 
     def _publish_calls(self, now_ns: int) -> None:
         self._calls.publish(journal_to_msg(
-            self._servo.take_journal(), now_ns, self._status_msg.header.frame_id))
+            self._servo.journal.take(), now_ns, self._status_msg.header.frame_id))
 
     def _on_pause(self, request: Any, response: Any) -> Any:
         answer = self._servo.pause(request.data, perf_counter())

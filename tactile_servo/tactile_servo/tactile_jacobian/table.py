@@ -2,7 +2,6 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 import os
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,14 +21,6 @@ WORST_CONDITION = 50.0  # largest condition number of a Jacobian that is used
 _ARRAYS = ('contacts', 'features', 'forward', 'inverse', 'condition', 'scale')
 
 
-class Entry(NamedTuple):
-    """Result of a search in the table."""
-
-    inverse: np.ndarray  # (3, 3)
-    distance: float  # squared distance to the nearest entry, in scaled features
-    found: bool  # True if within the stop radius; otherwise `inverse` is the last one found
-
-
 @dataclass(eq=False)
 class JacobianTable:
     """
@@ -37,12 +28,8 @@ class JacobianTable:
 
     The thesis finds the nearest features with a hash of r^2, searching from a sphere outwards and
     inwards; a k-d tree finds the same entries. Features are scaled, because otherwise the feature
-    with the largest numbers would dominate the distance.
-
-    Raises
-    ------
-    ConfigurationError
-        An array has a wrong shape, the scale is not positive, or no entry is usable.
+    with the largest numbers would dominate the distance. ConfigurationError if an array has a
+    wrong shape, the scale is not positive, or no entry is usable.
     """
 
     kind: FeatureKind
@@ -75,23 +62,18 @@ class JacobianTable:
         self._tree = cKDTree(self.features[self._index] / self.scale)
         self._last: np.ndarray | None = None
 
-    def nearest(self, features: np.ndarray) -> Entry:
+    def nearest(self, features: np.ndarray) -> np.ndarray:
         """
-        Return the entry with the nearest features, or the last match beyond the stop radius.
+        Return J^-1 (3, 3) of the entry with the nearest features (3,).
 
-        Without an earlier match, the nearest entry is returned in this case too.
+        Beyond the stop radius, or for features that are not finite, it is that of the last match.
         """
-        if not np.isfinite(features).all():
-            return Entry(self._fallback(self.inverse[self._index[0]]), np.inf, False)
-        distance, place = self._tree.query(features / self.scale)
-        square, inverse = float(distance**2), self.inverse[self._index[place]]
-        if square > self.stop:
-            return Entry(self._fallback(inverse), square, False)
-        self._last = inverse
-        return Entry(inverse, square, True)
-
-    def _fallback(self, otherwise: np.ndarray) -> np.ndarray:
-        return otherwise if self._last is None else self._last
+        place = 0
+        if np.isfinite(features).all():
+            distance, place = self._tree.query(features / self.scale)
+            if distance**2 <= self.stop:
+                self._last = self.inverse[self._index[place]]
+        return self.inverse[self._index[place]] if self._last is None else self._last
 
     def save(self, path: str | os.PathLike) -> None:
         """Write the table to a file for `load_table`."""
@@ -104,10 +86,7 @@ def load_table(path: str | os.PathLike) -> JacobianTable:
     """
     Read a table from a file.
 
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be read, is not a table of this format, or contains no usable entry.
+    ConfigurationError if it cannot be read, is no table of this format, or has no usable entry.
     """
     arrays = read_arrays(path, (*_ARRAYS, 'format', 'kind', 'stop'))
     if arrays['format'].tolist() != FORMAT:

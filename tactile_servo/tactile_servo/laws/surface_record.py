@@ -1,24 +1,13 @@
-"""State of a law that follows a surface: progress of one goal and record of its contacts."""
-from collections.abc import Sequence
+"""Record of the contacts with a surface during one goal."""
 from dataclasses import dataclass, field
 import math
 
 import numpy as np
 
-from tactile_servo.control.surface_path import (
-    Line,
-    PlanarPath,
-    raster,
-    seen_along,
-    spiral,
-    SurfacePath,
-)
-from tactile_servo.law import Assessment, Touch
-from tactile_servo.laws.stall import Stall
+from tactile_servo.law import Touch
 from tactile_servo.laws.surface_config import ProbeConfig
-from tactile_servo.laws.surface_features import Felt, Told
-from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal, SurfaceResult
-from tactile_servo.reasons import Reason
+from tactile_servo.laws.surface_features import Felt
+from tactile_servo.laws.surface_goal import SurfaceResult
 
 TOUCH_SPACING = 2.5e-4  # m, least distance between the recorded contacts
 LEAST_IMAGES = 20  # images of the whole print after which its mean area is accurate enough
@@ -27,27 +16,6 @@ LEAST_AREA = 1e-6  # m^2, least corrected area
 # m^2, by which the area from an image is smaller than that from the pressure on the skin; computed
 # by finite elements for the default probe
 BLURRED_AREA = 2.0e-6
-
-
-@dataclass
-class Going:
-    """State of one goal."""
-
-    wanted: Sequence[Told] = ()  # wanted contacts, from first to last
-    felt: Felt | None = None  # newest contact
-    shown: float = -math.inf  # steady time of the newest contact [s]
-    problem: Reason | None = None  # why the newest image shows no contact
-    begun: float | None = None  # steady time of first contact [s]
-    path: SurfacePath | None = None
-    met: bool = False  # True once the force was reached
-    end: Assessment | None = None  # set when the path has ended
-    over: bool = False  # True after the goal: contacts during lift-off are not recorded
-    stall: Stall = field(default_factory=Stall)
-    aim: Told = field(init=False)  # contact that is wanted now
-
-    def __post_init__(self) -> None:
-        if self.wanted:
-            self.aim = self.wanted[0]
 
 
 @dataclass
@@ -106,18 +74,3 @@ class Record:
             contour=np.array(self.points), normals=np.array(self.normals),
             contact_kept=self.touching / max(self.cycles, 1),
             centre_rms=math.sqrt(self.square / max(self.kept, 1)))
-
-
-def plan_path(goal: SurfaceGoal, point: np.ndarray, normal: np.ndarray,
-              acceleration: float) -> SurfacePath:
-    """Return the path of a goal from its first contact (3,) and the inward normal (3,) there."""
-    direction = np.array(goal.direction, dtype=float)
-    if goal.pattern == Pattern.LINE:
-        return Line(point, normal, direction)
-    if goal.pattern == Pattern.RASTER:
-        plan = raster(*goal.size, goal.step_over)
-    elif goal.pattern == Pattern.SPIRAL:
-        plan = spiral(goal.size[0], goal.step_over)
-    else:
-        plan = seen_along(np.asarray(goal.points, dtype=float), point, normal, direction)
-    return PlanarPath(point, normal, direction, plan, acceleration)

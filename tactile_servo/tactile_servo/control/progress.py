@@ -1,6 +1,7 @@
-"""Detection of a pad that goes round a contour which does not close."""
+"""Progress of a pad along its path: laps of a contour that does not close, and stalls."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 import math
 
 MISS = 0.005  # m, distance within which a pad passes the start of its path
@@ -8,6 +9,8 @@ LEFT = 10.0  # times MISS: a pad at this distance has left its start
 PASSED = 3.0  # times MISS: a pad that goes on so far after a return has passed its start
 SAME_HEADING = 0.5  # least cosine between the headings at the start and at a return to it
 LAPS = 1.5  # largest number of laps, by the rotation of the path
+STALL_TIME = 5.0  # s without progress
+SLOW_PROGRESS = 0.5  # share of the wanted distance that is progress at any speed
 
 Vector = Sequence[float]
 
@@ -58,3 +61,26 @@ def _turn(one: Vector, other: Vector, normal: Vector) -> float:
     (ax, ay, az), (bx, by, bz), (x, y, z) = one, other, normal
     across = x * (ay * bz - az * by) + y * (az * bx - ax * bz) + z * (ax * by - ay * bx)
     return math.atan2(across, _dot(one, other))
+
+
+@dataclass
+class Stall:
+    """Time without progress. A hold does not count and does not reset it."""
+
+    reached: float = -math.inf  # progress at the last reset [m]
+    lasting: float = 0.0  # time since the last reset, without holds [s]
+    seen: float | None = None  # steady time of the last cycle [s], None after a hold
+
+    def see(self, now: float, progress: float, advance: float, speed: float) -> bool:
+        """
+        Process the progress [m]; return True if it grew by less than `advance` in `STALL_TIME`.
+
+        At a slow `speed` [m/s], `SLOW_PROGRESS` of the wanted distance replaces `advance` [m].
+        """
+        advance = min(advance, SLOW_PROGRESS * speed * STALL_TIME)
+        if progress > self.reached + advance:
+            self.reached, self.lasting = progress, 0.0
+        elif self.seen is not None:
+            self.lasting += now - self.seen
+        self.seen = now
+        return self.lasting > STALL_TIME
