@@ -27,7 +27,7 @@ SPEEDS = (0.01, 0.05, 0.1, 0.15, 0.2)
 LAWS = {'predicted': 'tactile_jacobian', 'thesis': 'jacobian_rate'}  # by their columns
 STEPS = (-0.003, -0.002, -0.001, 0.001, 0.002)  # m
 LATENCIES = (0.0, 0.005, 0.01, 0.02, 0.04)  # s
-MOST_GAIN = 200.0  # 1/s, upper bound of a configuration
+MOST_GAIN = 200.0  # 1/s, that of the printed law
 GAINS = (0.25, 0.5, 0.8, 1.0, 1.4, 2.0)  # of the limit in theory
 STABLE = 0.5  # N RMS of the force, above which a loop counts as unstable
 FAULTS = {
@@ -127,9 +127,9 @@ def gains() -> Iterator[Case]:
         for share in GAINS:
             gain = share * limit
             for control, law in LAWS.items():
-                share_of_gain = RATE_SHARE if control == 'thesis' else 1.0
-                if gain > MOST_GAIN * share_of_gain:
+                if gain > MOST_GAIN:
                     continue
+                share_of_gain = RATE_SHARE if control == 'thesis' else 1.0
                 settings = SurfaceConfig(force=ForceConfig(gain=gain / share_of_gain))
                 yield Case('gains', {'control': control, 'latency': latency, 'limit': limit,
                                      'share': share}, 'plane', line(0.02, length=0.02),

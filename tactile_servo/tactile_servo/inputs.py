@@ -17,10 +17,10 @@ from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.sensor_watch import SensorWatch
+from tactile_servo.types import IMPOSSIBLE
 from tactile_servo.wrist import Wrist
 
 _SATURATED, _NOT_TARED = int(ContactReason.SATURATED), int(ContactReason.NOT_TARED)
-IMPOSSIBLE = 1e9  # Pa, from which on a pressure is a fault and does not count
 SAME_PITCH = 1e-3  # relative
 # Largest difference of a joint from its command [rad]; more is too far even if the sensor hardly
 # moves by it.

@@ -6,6 +6,7 @@ import numpy as np
 
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.types import pressure_layer
 
 LIVELY = 4.0  # a tactel that changes after fewer images on average is lively: noise shows its life
 LEAST_LIVELY = 0.25  # least share of lively tactels, of all: with fewer, noise shows nothing
@@ -34,7 +35,7 @@ class SensorWatch:
 
     def see(self, image: TactileImage, loaded: bool, place: np.ndarray) -> None:
         """Process an image of a pad at a position (3,) [m]; `loaded` if something presses it."""
-        layer = next((one for one in image.layers if one.component == 'zz'), None)
+        layer = pressure_layer(image.layers)
         if layer is None or not layer.stress.size:
             return
         stress = np.array(layer.stress).ravel()  # a copy

@@ -1,14 +1,22 @@
 """Types of a servo's interface: states, goal, status."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
+from tactile_sensing.types.image import Layer
 from tactile_servo.reasons import Reason
 
 NAN = float('nan')
+IMPOSSIBLE = 1e9  # Pa, from which on a pressure is a fault and does not count
+
+
+def pressure_layer(layers: Iterable[Layer]) -> Layer | None:
+    """Return the layer with the pressure, of an image or a sensor; None if there is none."""
+    return next((one for one in layers if one.component == 'zz'), None)
 
 
 class State(IntEnum):

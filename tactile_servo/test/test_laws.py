@@ -1,7 +1,7 @@
 """The registry of laws, and the parameters that node, supervisor and law share."""
 
 import ast
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
 import inspect
 from pathlib import Path
@@ -67,13 +67,23 @@ def test_a_law_is_found_for_an_action_and_refused_for_another():
         law_for('track_edge', 'telepathy')
 
 
+def begun(skin_stiffness):
+    """Edge law on a sensor whose driver gives this stiffness."""
+    law = make_law('trace', ServoConfig())
+    sensor = Calibration(TactelArray(16, 16, 1.6e-3, 1.6e-3)).sensor_info('pad', '', 0)
+    law.begin(EdgeGoal(0.03, 5.0), replace(sensor, skin_stiffness=skin_stiffness))
+    return law
+
+
 @pytest.mark.parametrize('told, used', [(1e5, 1e5), (0.0, 2e5)])
 def test_the_stiffness_of_the_skin_is_that_of_the_calibration(told, used):
-    law = make_law('trace', ServoConfig())
-    array = TactelArray(16, 16, 1.6e-3, 1.6e-3)
-    law.begin(EdgeGoal(0.03, 5.0), Calibration(
-        array, skin_stiffness=told).sensor_info('pad', '', 0))
-    assert law.sight.edge.skin_stiffness == used
+    assert begun(told).sight.edge.skin_stiffness == used
+
+
+@pytest.mark.parametrize('told', [float('nan'), float('inf'), -1.0, 1.0])
+def test_an_impossible_stiffness_of_the_skin_is_refused(told):
+    with pytest.raises(ConfigurationError, match='skin_stiffness is .*, must be'):
+        begun(told)
 
 
 @pytest.mark.parametrize('name', LAWS)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_sensing.types.array import TactelArray
+from tactile_servo.control.attitude_controller import TURNING
 from tactile_servo.control.scaling import caution, ramp, slewed
 from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.traced_path import PathEnd
@@ -18,7 +19,6 @@ from tactile_servo.laws.edge_motion import (
     ENTRY,
     NORMAL,
     TURN_ACCELERATION,
-    TURNING,
 )
 from tactile_servo.laws.edge_sight import Load
 from tactile_servo.types import EdgeGoal

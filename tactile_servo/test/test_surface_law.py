@@ -5,6 +5,7 @@ from geometry_msgs.msg import Point, Vector3
 import numpy as np
 import pytest
 
+from tactile_common.errors import ConfigurationError
 from tactile_common.ros.conversions import pose_from_msg
 from tactile_msgs.action import TrackSurface
 from tactile_sensing.devices.calibration import Calibration
@@ -222,7 +223,7 @@ def test_a_table_on_disk_is_used_and_a_wrong_one_refused(tmp_path):
                 0.0127).save(path)
     config = SurfaceConfig(jacobian=JacobianConfig(str(path)))
     law = SurfaceFollowing(ServoConfig(), config)
-    law.begin(GOAL, Calibration(ARRAY).sensor_info('pad', '', 0))
+    law.begin(GOAL, Calibration(ARRAY, depth=DOME.depth).sensor_info('pad', '', 0))
     law.observe(Observation(0, 0.0, 0.0, lambda _: np.eye(4), image_of((2e-3, 1e-3), FORCE)))
     assert (law.error.lateral, law.error.longitudinal) == pytest.approx((2e-3, 1e-3), abs=3e-4)
     path.write_text('nonsense')
@@ -230,11 +231,12 @@ def test_a_table_on_disk_is_used_and_a_wrong_one_refused(tmp_path):
         SurfaceFollowing(ServoConfig(), config)
 
 
-@pytest.mark.parametrize('depth, used', [(0.003, 0.003), (0.0, 0.002)])
-def test_the_depth_of_the_tactels_is_that_of_the_calibration(depth, used):
+def test_the_depth_of_the_tactels_is_that_of_the_calibration():
     law = SurfaceFollowing(ServoConfig())
-    law.begin(GOAL, Calibration(ARRAY, depth=depth).sensor_info('pad', '', 0))
-    assert law._dome.depth == pytest.approx(used)
+    law.begin(GOAL, Calibration(ARRAY, depth=0.003).sensor_info('pad', '', 0))
+    assert law._dome.depth == pytest.approx(0.003)
+    with pytest.raises(ConfigurationError, match='must increase'):  # unknown
+        law.begin(GOAL, Calibration(ARRAY).sensor_info('pad', '', 0))
 
 
 @pytest.mark.parametrize('inward', [(0.0, 0.0, -1.0), (0.36, 0.48, -0.8), (-0.6, 0.0, 0.8),

@@ -143,7 +143,7 @@ class Watched:
         self.box = WorkspaceBox(here - margin, here + margin)
         config = ServoConfig()
         self.servo = Supervisor(PUMA, LIMITS, make_law(tracker, config), config, self.box)
-        self.servo.see_sensor(Calibration(ARRAY).sensor_info('pad', '', 0))
+        self.servo.see_sensor(Calibration(ARRAY, depth=0.002).sensor_info('pad', '', 0))
         self.now, self.now_ns, self.count = 100.0, 10**12, 0
         self.measured = start
         # What controllers would do that sample the windows.

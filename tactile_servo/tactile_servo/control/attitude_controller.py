@@ -4,6 +4,9 @@ import math
 
 import numpy as np
 
+# Share of the joints' acceleration for a change of the rate. A wrist that is asked for more than
+# it can holds back the whole pad, off its edge or surface.
+TURNING = 0.6
 LATE_SHARE = 0.2  # share of a wanted change of the rate; a cycle that allows less is late
 
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from tactile_common.geometry import wrap_angle
 from tactile_sensing.skin.half_spaces import half_spaces
 from tactile_servo.edge_map import corner_fit
 from tactile_servo.edge_map.corner_fit import CornerShape, SIZE
@@ -48,7 +49,9 @@ class Corner:
 
     def merge(self, shape: CornerShape, information: np.ndarray) -> None:
         """Add the fit of another image to the mean, weighted by information."""
-        self._moment += information @ corner_fit.difference(np.array(shape), self._reference)
+        gap = np.array(shape) - self._reference
+        gap[2:4] = wrap_angle(gap[2:4])
+        self._moment += information @ gap
         self._information += information
         self._count += 1.0
         if self._count > MEMORY:
@@ -60,11 +63,6 @@ class Corner:
         mean = CornerShape(*(
             self._reference + np.linalg.solve(self._information + ridge, self._moment)))
         self.shape = mean._replace(radius=max(mean.radius, 0.0))
-
-    @property
-    def turn(self) -> float:
-        """Angle from the first leg to the second [rad]."""
-        return self.shape.turn
 
     @property
     def reach(self) -> float:

@@ -80,13 +80,6 @@ class CornerFit(NamedTuple):
     load: float  # force per length [N/m], 0 if too few tactels are near
 
 
-def difference(vector: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Return the difference of two corners (7,), with angles within half a turn."""
-    gap = vector - reference
-    gap[2:4] = wrap_angle(gap[2:4])
-    return gap
-
-
 def turned(information: np.ndarray, yaw: float) -> np.ndarray:
     """Return the information (7, 7) of a corner rotated by `yaw`."""
     cos, sin = math.cos(yaw), math.sin(yaw)

@@ -23,12 +23,6 @@ BRANCH_REACH = 3.0  # distance from the end of a ridge within which another leg 
 OFF_LEG = 0.65  # distance from the path beyond which a point belongs to another leg
 
 
-def left_of(way: np.ndarray) -> np.ndarray:
-    """Return the unit vector (2,) to the left of a direction (2,)."""
-    x, y = way
-    return np.array([-y, x])
-
-
 def led_on(nodes: np.ndarray, reach: float) -> np.ndarray:
     """Extend a path straight beyond the end of its ridge, by a last node without material."""
     # Single nodes are uncertain where a ridge fades: use means of several.
@@ -64,7 +58,7 @@ def way_over_gap(cloud: np.ndarray, last: np.ndarray, scale: PadScale) -> np.nda
     """
     step, (here,), (way,) = STEP * scale.grain, last['place'], last['way']
     relative = cloud['place'] - here
-    ahead, aside = relative @ way, np.abs(relative @ left_of(way))
+    ahead, aside = relative @ way, np.abs(relative @ [-way[1], way[0]])
     on = ((ahead > 2.0 * step) & (ahead < GAP_REACH * scale.half)
           & (aside < GAP_ASIDE * scale.grain + GAP_SPREAD * ahead)
           & (np.abs(cloud['way'] @ way) > STRAIGHT_ON))

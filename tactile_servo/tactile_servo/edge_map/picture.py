@@ -15,8 +15,8 @@ from tactile_sensing.types.skin import Skin
 from tactile_servo.edge_map.border import coming_length
 from tactile_servo.edge_map.tracing import into_plane
 from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.types import IMPOSSIBLE, pressure_layer
 
-IMPOSSIBLE = 1e9  # Pa
 MOST_INVALID = 0.5  # share of invalid tactels above which an image is refused
 LOADED = 0.3  # share of the highest pressure above which a tactel counts for the load's place
 COARSE = 1.25  # pitches, grain of tactels that are coarser than the skin
@@ -110,7 +110,7 @@ class Picture:
 def read_picture(image: TactileImage, pose: np.ndarray,
                  skin_stiffness: float) -> Picture | Reason:
     """Check and repair an image taken at a pose (4, 4) in the plane; return why it is unusable."""
-    layer = next((one for one in image.layers if one.component == 'zz'), None)
+    layer = pressure_layer(image.layers)
     if (layer is None or layer.unit != 'Pa' or not layer.depth > 0.0
             or not layer.thickness >= layer.depth or not 0.0 <= layer.poisson <= 0.5
             or layer.stress.shape != image.array.shape):

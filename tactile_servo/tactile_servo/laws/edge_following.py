@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from tactile_common.config import checked
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import image_patience, PRESS_DEPTH, ServoConfig, STALE_AFTER
 from tactile_servo.control.press_test import PRESSED
@@ -108,7 +109,10 @@ class EdgeFollowing:
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
         self._stale = image_patience(sensor.nominal_rate)
-        self._forget(goal, sensor.skin_stiffness or SKIN_STIFFNESS)
+        skin_stiffness = checked(
+            'skin_stiffness', sensor.skin_stiffness or SKIN_STIFFNESS, float,
+            {'range': (1e2, 1e9), 'unit': 'N/m^2'})
+        self._forget(goal, skin_stiffness)
 
     def resume(self) -> None:
         self._motion.reset()
@@ -159,7 +163,7 @@ class EdgeFollowing:
             corner = edge.corner_at(self._ahead)
             return Assessment(State.TRACK, Reason(self._mode)) if corner is None else Assessment(
                 State.CORNER, Reason(
-                    ReasonCode.CORNER, f'{math.degrees(abs(corner.turn)):.0f} degrees'))
+                    ReasonCode.CORNER, f'{math.degrees(abs(corner.shape.turn)):.0f} degrees'))
         if not touching:
             return Assessment(State.HOLD, Reason(ReasonCode.CONTACT_LOST))
         if edge.picture.pull is None or self._searched > SEARCH_REACH * scale.half:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from tactile_servo.control.attitude_controller import AttitudeController, off_edge
+from tactile_servo.control.attitude_controller import AttitudeController, off_edge, TURNING
 from tactile_servo.control.force_controller import (
     BRAKING,
     ForceController,
@@ -35,9 +35,8 @@ SHORTEST = 0.5  # least edge length that carries the force, as a share of the pa
 COMING_SHARE = 0.35  # share of the coming edge's length for which the pad unloads in advance
 HASTE = 5.0  # factor of the force gain while the pad unloads for a coming edge
 INTEGRAL = 60.0  # integral gain of the force control [1/s^2]
-# Turn along the edge: gain [1/s], largest rate [rad/s] and acceleration [rad/s^2], and share of
-# the joints' acceleration. A wrist that is asked for more holds back the whole pad, off the edge.
-TURN_GAIN, TURN_RATE, TURN_ACCELERATION, TURNING = 5.0, 1.5, 5.0, 0.6
+# Turn along the edge: gain [1/s], largest rate [rad/s] and acceleration [rad/s^2]
+TURN_GAIN, TURN_RATE, TURN_ACCELERATION = 5.0, 1.5, 5.0
 
 
 def missing_depth(force: float, load: Load, *, half: float, length: float, pressed: float,

@@ -38,7 +38,7 @@ class ForceConfig:
     """Motion along the contact's normal."""
 
     gain: float = bounded(
-        30.0, 'rate at which an error of the force is made up', '1/s', 1.0, 200.0, live=True)
+        30.0, 'rate at which an error of the force is made up', '1/s', 0.1, 500.0, live=True)
     stiffness: float = bounded(
         15600.0, 'K_z of (6.7): force per way along the normal of skin, finger and robot, at '
         '5 N; it grows with the root of the force', 'N/m', 10.0, 1e7)

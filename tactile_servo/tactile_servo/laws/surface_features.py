@@ -25,6 +25,7 @@ from tactile_servo.tactile_jacobian.jacobian import (
     scale_for,
 )
 from tactile_servo.tactile_jacobian.table import JacobianTable
+from tactile_servo.types import pressure_layer
 
 MOST_MISSING = 0.3  # largest share of missing tactels
 LEAST_CONTACT = 0.04  # least force of a contact, as a share of the wanted force
@@ -107,7 +108,7 @@ class ContactSense:
 
 def pressure_of(image: TactileImage, array: TactelArray) -> np.ndarray | Reason:
     """Return the pressure (rows, columns) of an image without NaN [Pa], or a reason."""
-    layer = next((one for one in image.layers if one.component == 'zz'), None)
+    layer = pressure_layer(image.layers)
     if layer is None or layer.unit != 'Pa' or layer.stress.shape != array.shape:
         return Reason(ReasonCode.BAD_IMAGE, 'no calibrated pressure of the known array')
     pressure = filled(np.asarray(layer.stress, dtype=float), most=MOST_MISSING)

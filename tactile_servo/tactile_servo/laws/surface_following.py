@@ -46,9 +46,8 @@ from tactile_servo.laws.surface_teaching import between, Lessons
 from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.tactile_jacobian.table import load_table
-from tactile_servo.types import State, TaskError
+from tactile_servo.types import pressure_layer, State, TaskError
 
-SKIN_DEPTH = 0.002  # m, of tactels whose calibration gives none: that of a FlexiTac pad
 MET = 0.05  # relative error of the force at which it counts as reached, and motion begins
 ADVANCE = 5e-4  # m, advance that counts as progress
 RETURN_RATE = 30.0  # rate at which the contact returns to its path [1/s]
@@ -136,8 +135,8 @@ class SurfaceFollowing:
 
     def begin(self, goal: SurfaceGoal, sensor: SensorInfo) -> None:
         radius = self.config.probe.skin_radius
-        depth = next((one.depth for one in sensor.layers if one.component == 'zz'),
-                     0.0) or SKIN_DEPTH
+        layer = pressure_layer(sensor.layers)
+        depth = layer.depth if layer else 0.0
         self._dome = Dome(radius, radius - depth, radius - 2.0 * depth)
         self.goal, self.error, self._begun = goal, None, True
         self._stale = image_patience(sensor.nominal_rate)

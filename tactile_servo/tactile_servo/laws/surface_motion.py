@@ -4,7 +4,7 @@ import math
 import numpy as np
 
 from tactile_sensing.dome.geometry import Dome
-from tactile_servo.control.attitude_controller import AttitudeController
+from tactile_servo.control.attitude_controller import AttitudeController, TURNING
 from tactile_servo.control.force_controller import ForceController, INTEGRATED
 from tactile_servo.control.scaling import caution
 from tactile_servo.control.surface_filter import SurfaceFilter
@@ -32,9 +32,6 @@ BRAKE = 8.0  # deceleration, as a multiple of the acceleration
 BENDING = 0.3  # for the changes of joint velocity at constant speed, large near a singularity
 SPARED = 0.5  # share of the rest that speeding up may use
 BRAKED, SLOWED = 0.8, 0.02  # for slowing down, and its least deceleration [m/s^2]
-# For a change of the turn rate. A wrist that is asked for more than it can holds back the whole
-# probe, out of the surface.
-TURNING = 0.6
 # The turn accelerates as `speed.acceleration` asks for on a radius of 33 mm [rad/m]; speeding up
 # may use a share of it.
 TURNS, AT_ONCE = 30.0, 0.7
@@ -104,8 +101,8 @@ class SurfaceMotion:
         slower, but the centre does not become faster.
         """
         off = math.hypot(*(felt.place - aim.place)) / self._half
-        bent = self._bent(step.way)
-        self._shrunk = shrink = max(bent, TURNED)
+        bent = float(step.way @ self._surface.bend @ step.way)
+        self._shrunk = shrink = max(1.0 + self._dome.skin_radius * bent, TURNED)
         top = min(wanted, step.top) / shrink
         top = min(top, self._known(step.way)) * caution(
             felt.force / aim.force, (off - CENTRED) / (ASIDE - CENTRED))
@@ -123,10 +120,6 @@ class SurfaceMotion:
         self._speed = min(max(top, self._speed - slower * dt), self._speed + faster * dt,
                           step.top / shrink)
         return self.speed
-
-    def _bent(self, way: np.ndarray) -> float:
-        """Return the motion of the contact over the surface per motion of the centre."""
-        return 1.0 + self._dome.skin_radius * float(way @ self._surface.bend @ way)
 
     def _on_edge(self) -> bool:
         """Return True if the contact hardly moves, for some direction of the centre's motion."""

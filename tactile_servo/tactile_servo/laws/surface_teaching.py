@@ -14,7 +14,6 @@ from tactile_servo.tactile_jacobian.features import FeatureKind, features_of
 from tactile_servo.tactile_jacobian.table import JacobianTable
 
 NAME = re.compile(r'[A-Za-z0-9_-]{1,40}')
-MOST = 100  # largest number of names
 APART = 1.5  # largest factor between the taught force and the goal's
 
 
@@ -29,14 +28,12 @@ class Lessons:
         """
         Store the features of an image under a name and return a description of them.
 
-        Raises a ConfigurationError if the name is invalid, the memory is full, the image is
-        unusable, or its force is below `least` [N].
+        Raises a ConfigurationError if the name is invalid, the image is unusable, or its force is
+        below `least` [N].
         """
         if not NAME.fullmatch(name):
             raise ConfigurationError(
                 f'name is {name!r:.60}, must be 1 to 40 letters, digits, _ or -')
-        if name not in self._shown and len(self._shown) >= MOST:
-            raise ConfigurationError(f'{MOST} features have been taught: no room for more')
         pressure = pressure_of(image, array)
         if isinstance(pressure, Reason):
             raise ConfigurationError(pressure.text)

@@ -27,7 +27,6 @@ TAKE_OVER = 0.5  # relative to the damping: weight of the null space, free to re
 PUSH_ZONE = 0.15  # share of a joint's range at either end, which a redundant arm avoids
 PUSH = 4.0  # motion of a joint at its limit per (weighted) metre of the sensor [rad/m]
 PUSH_SPEED = 0.1  # largest such velocity, as a share of the joint's velocity limit
-AXES = np.eye(6)  # twists of the sensor along and about its axes
 
 
 def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: float = DAMPING,
@@ -125,7 +124,8 @@ def allowed_acceleration(jacobian: np.ndarray, acceleration: np.ndarray,
     that no joint exceeds its acceleration (n,) [rad/s^2]. It is infinite if the Jacobian (6, n) is
     not finite. The `axes` are indices of a twist.
     """
-    rates = np.array([damped_least_squares(jacobian, AXES[k])[0] for k in axes])
+    twists = np.eye(6)
+    rates = np.array([damped_least_squares(jacobian, twists[k])[0] for k in axes])
     return float(np.fmin.reduce(
         acceleration / np.maximum(np.sqrt((rates**2).sum(axis=0)), 1e-12), initial=np.inf))
 

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_common.config import bounded, check_fields
 from tactile_servo.tactile_jacobian.features import FeatureKind
 
 Features = Callable[..., np.ndarray]  # contact (3,), shear (2,) -> features (3,)
@@ -15,17 +14,10 @@ Features = Callable[..., np.ndarray]  # contact (3,), shear (2,) -> features (3,
 class Increments:
     """Increments of Table 6.1, and the friction during small sliding motions."""
 
-    place: float = bounded(1.0e-3, 'by which the contact is moved either way', 'm', 1e-6, 0.01)
-    force: float = bounded(
-        0.25, 'share by which the force is changed either way', '', 1e-4, 0.9)
-    friction: float = bounded(
-        0.0, 'coefficient of Coulomb friction against the sliding', '', 0.0, 5.0)
-    stiffness: float = bounded(
-        1.5e4, 'K_z of (6.7): force per way along the normal of skin, finger and robot', 'N/m',
-        10.0, 1e7)
-
-    def __post_init__(self) -> None:
-        check_fields(self, 'increments.')
+    place: float = 1.0e-3  # by which the contact is moved either way [m]
+    force: float = 0.25  # share by which the force is changed either way
+    friction: float = 0.0  # coefficient of Coulomb friction against the sliding
+    stiffness: float = 1.5e4  # K_z of (6.7): of skin, finger and robot along the normal [N/m]
 
 
 class Cases(NamedTuple):
