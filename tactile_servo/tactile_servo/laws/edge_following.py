@@ -7,14 +7,21 @@ import numpy as np
 
 from tactile_common.config import checked
 from tactile_sensing.types.image import SensorInfo
-from tactile_servo.config import image_patience, PRESS_DEPTH, ServoConfig, STALE_AFTER
+from tactile_servo.config import image_patience, ServoConfig, STALE_AFTER
 from tactile_servo.control.press_test import PRESSED
 from tactile_servo.control.progress import LapGuard, Stall
-from tactile_servo.edge_map.edge_map import Stand
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.law import Assessment, done, LawResult, Observation, Reference, Refusal, Touch
 from tactile_servo.laws.edge_config import EdgeFollowingConfig
 from tactile_servo.laws.edge_goal import edge_end, goal_end, refuse_edge_goal
+from tactile_servo.laws.edge_modes import (
+    Coasting,
+    END_MARGIN,
+    Following,
+    Mode,
+    ReachingDown,
+    Searching,
+)
 from tactile_servo.laws.edge_motion import EdgeMotion
 from tactile_servo.laws.edge_sight import EdgeSight
 from tactile_servo.motion.motion import Motion
@@ -22,19 +29,10 @@ from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
 SKIN_STIFFNESS = 2e5  # N/m^2, of a skin whose calibration gives none: that of a FlexiTac pad
-SEARCH = 0.02  # m/s, largest speed in the search for a lost edge
 ADVANCE = 0.5  # grains, advance that counts as progress
-END_MARGIN = 1.5  # grains before the end of a ridge at which coasting begins
-# Half sizes of the pad: a half diagonal, after which an edge has left the pad in any direction
-PAD_LEFT = 1.42
-SEARCH_REACH = 1.18  # half sizes of the pad, longest way of a search towards the load
-PROBED_DEPTH = 0.9  # share of PRESS_DEPTH; the rest is reserved for the stop
 # Times `image_patience`, time without a usable image; longer than the supervisor's own timeout,
 # which handles missing images
 STALE = 1.5
-STILL = np.zeros(3)
-
-Wanted = tuple[tuple[float, float], float, np.ndarray]  # see `EdgeFollowing._move`
 
 
 class EdgeFollowing:
@@ -44,10 +42,7 @@ class EdgeFollowing:
     The points of every image are transformed into a plane fixed in the base, with the pose at the
     image's stamp. Latency therefore delays only the view ahead; it is not part of the loop.
 
-    The law is in one of four modes, named by the reason that it reports. TRACKING follows the
-    edge. At the end of a ridge, COASTING moves straight on across a possible gap, and
-    REACHING_DOWN then moves along the normal to find contact. SEARCHING moves towards the pressure
-    after the edge was lost.
+    Its four modes are in `edge_modes`.
     """
 
     name: ClassVar[str] = 'trace'
@@ -72,15 +67,13 @@ class EdgeFollowing:
         self._progress = 0.0  # distance travelled [m]
         self._begun = False  # True once the pad moves along the edge
         self._pressed = False  # True once the force was large enough to show the whole edge
-        self._coasted = 0.0  # way since the end of the ridge came into view [m]
+        self._coasting = Coasting()
         self._find()
 
     def _find(self) -> None:
         """Return to tracking, with the edge visible."""
-        self._mode = ReasonCode.TRACKING
-        self._searched = 0.0  # way of the search [m]
-        self._from: np.ndarray | None = None  # pose (4, 4) where reaching down began
-        self._depth = 0.0  # way down from there [m]
+        self._mode: Mode = Following()
+        self._searching, self._reaching = Searching(), ReachingDown()
 
     def retune(self, config: EdgeFollowingConfig) -> None:
         self.config = config
@@ -118,7 +111,7 @@ class EdgeFollowing:
         self._motion.reset()
         self.sight.press.forget()
         self._stall.seen, self._pressed = None, False
-        self._mode, self._searched = ReasonCode.TRACKING, 0.0
+        self._mode, self._searching = Following(), Searching()
 
     def observe(self, observation: Observation) -> None:
         """Process an image, or a contact: its fitted force is more accurate than the image's."""
@@ -143,7 +136,7 @@ class EdgeFollowing:
     def _assess(self, now: float, progress: float, load: float) -> Assessment:
         edge = self.sight.edge
         path, scale = edge.path, edge.scale
-        if self._mode is not ReasonCode.TRACKING:  # the other modes have their own limits
+        if not isinstance(self._mode, Following):  # the other modes have their own limits
             self._stall = Stall()
         if self._stall.see(now, progress, ADVANCE * scale.grain, self.goal.speed):
             return done(ReasonCode.NO_PROGRESS, lift=True)
@@ -157,85 +150,49 @@ class EdgeFollowing:
         if path.end is PathEnd.RIDGE and self._ahead >= path.tip - END_MARGIN * scale.grain and (
                 self._pressed or lacking is not None):
             return self._at_end(progress, touching)
-        self._coasted = 0.0
+        self._coasting = Coasting()
         if lacking is None:
             self._find()
             corner = edge.corner_at(self._ahead)
-            return Assessment(State.TRACK, Reason(self._mode)) if corner is None else Assessment(
+            return Assessment(State.TRACK, self._mode.reason) if corner is None else Assessment(
                 State.CORNER, Reason(
                     ReasonCode.CORNER, f'{math.degrees(abs(corner.shape.turn)):.0f} degrees'))
         if not touching:
             return Assessment(State.HOLD, Reason(ReasonCode.CONTACT_LOST))
-        if edge.picture.pull is None or self._searched > SEARCH_REACH * scale.half:
+        if edge.picture.pull is None or self._searching.over(scale):
             return Assessment(State.HOLD, lacking)
-        return self._search(ReasonCode.SEARCHING)
+        return self._search(self._searching)
 
     def _at_end(self, progress: float, touching: bool) -> Assessment:
         """Decide at the end of the ridge: coast over a gap, go down a step, or end."""
-        scale = self.sight.edge.scale
-        margin, unseen = END_MARGIN * scale.grain, self._motion.speed * self.sight.age
-        # Coasting began one margin before the end, and the end is uncertain by one margin. After
-        # another half diagonal the edge has left the pad.
-        over = self._coasted - unseen >= PAD_LEFT * scale.half + 2.0 * margin
-        if not over and (touching or self._coasted <= margin):
-            return self._search(ReasonCode.COASTING)
+        scale, coasting = self.sight.edge.scale, self._coasting
+        unseen = self._motion.speed * self.sight.age
+        if not coasting.over(scale, unseen) and (touching or coasting.begun(scale)):
+            return self._search(coasting)
         if touching:
             return done(ReasonCode.EDGE_LOST, 'the ridge ends, but the pad is pressed')
-        if self._depth <= PROBED_DEPTH * PRESS_DEPTH:
-            return self._search(ReasonCode.REACHING_DOWN)
+        if not self._reaching.over:
+            return self._search(self._reaching)
         return edge_end(self.goal, progress, 2.0 * scale.half)
 
-    def _search(self, mode: ReasonCode) -> Assessment:
+    def _search(self, mode: Mode) -> Assessment:
         self._mode = mode
         self.sight.press.forget()  # the edge found next may lie deeper
-        return Assessment(State.SEARCH, Reason(mode))
+        return Assessment(State.SEARCH, mode.reason)
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, robot: Motion,
                   dt: float) -> Reference:
         edge, motion = self.sight.edge, self._motion
         stand = edge.stand(pose, commanded, self._here, self._ahead, motion.soon())
         self._begun = True
-        along, normal, turn = self._move(stand, robot, dt)
-        if self._mode in (ReasonCode.TRACKING, ReasonCode.COASTING):
+        along, normal, turn = self._mode.move(motion, stand, robot, dt)
+        if isinstance(self._mode, (Following, Coasting)):
             self._here, self._ahead = stand.here, stand.ahead
         to_own = stand.there[:3, :3].T
         heading = edge.way_in_base(*stand.along)
         self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), heading, self._progress)
         return Reference(np.concatenate([to_own @ (*along, normal), to_own @ turn]),
                          motion.speed, heading)
-
-    def _move(self, stand: Stand, robot: Motion, dt: float) -> Wanted:
-        """
-        Return the motion of the next cycle in the frame of the plane.
-
-        It consists of the velocity x, y in the plane [m/s], that along its normal, and the angular
-        velocity (3,) [rad/s].
-        """
-        motion = self._motion
-        if self._mode is ReasonCode.TRACKING:
-            return (motion.along(stand, robot, dt), motion.press(stand, dt),
-                    motion.turn(stand, robot, dt))
-        if self._mode is ReasonCode.COASTING:
-            velocity = motion.along(stand, robot, dt, may_lift=True)
-            self._coasted += motion.speed * dt
-            return velocity, motion.press(stand, dt, may_press=False), STILL
-        if self._mode is ReasonCode.REACHING_DOWN:
-            return self._reach_down(stand.there, dt)
-        speed, pull = min(SEARCH, self.goal.speed), self.sight.edge.picture.pull
-        assert pull is not None  # without a pull the law does not search
-        self._searched += speed * dt
-        x, y = pull.tolist()
-        return motion.aside(speed * x, speed * y, dt), 0.0, STILL
-
-    def _reach_down(self, there: np.ndarray, dt: float) -> Wanted:
-        """Return the motion down along the pad's normal, by at most PRESS_DEPTH."""
-        self._from = there.copy() if self._from is None else self._from
-        way, normal = (there - self._from)[:3, 3], self._from[:3, 2]
-        self._depth = float(way @ normal)
-        x, y = self._motion.aside(0.0, 0.0, dt)
-        down = self._motion.touch_speed(max(PRESS_DEPTH - self._depth, 0.0))
-        # While the pad still moves in the plane, this changes the depth of an inclined pad too.
-        return (x, y), (down - x * normal.item(0) - y * normal.item(1)) / normal.item(2), STILL
 
     def result(self) -> LawResult:
         return LawResult(self.sight.edge.closed, self.sight.edge.contour())
