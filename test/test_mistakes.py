@@ -42,7 +42,7 @@ MISTAKES = [
     (demo, '--scene metre.yaml',
      'straight is 200.0, must be between 0.0001 and 10 m; did you mean 0.2?'),
     (demo, '--scene key.yaml', "unknown key 'skn', must be one of name, description, edge, skin"),
-    (demo, '--scene type.yaml', "sensor.rows is 'sixteen', must be a number"),
+    (demo, '--scene type.yaml', "sensor.rows is 'sixteen', must be an integer"),
     (demo, '--speed 30', f'speed is 30.0, {SPEED}; did you mean 0.03?'),
     (demo, '--speed 0', f'speed is 0.0, {SPEED}'),
     (demo, '--speed nan', f'speed is nan, {SPEED}'),

@@ -115,7 +115,10 @@ def checked(name: str, value: Any, kind: Any,
         accepted, expected = _KINDS[kind]
         if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):
             _refuse(name, value, expected)
-        value = kind(value)
+        try:
+            value = kind(value)
+        except OverflowError:  # an integer of hundreds of digits
+            _refuse(name, value, expected)
     elif dataclasses.is_dataclass(kind) and type(value) is not kind:
         _refuse(name, value, f'a {getattr(kind, "__name__", kind)}')
     low, high = metadata.get('range', (-math.inf, math.inf))

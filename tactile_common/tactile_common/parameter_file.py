@@ -1,5 +1,6 @@
 """Reader of ROS 2 parameter files without ROS: sections by node names, with wildcards."""
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 import os
 import re
 from typing import Any, NamedTuple
@@ -52,14 +53,20 @@ class ParameterFile:
 
     def __init__(self, path: str | os.PathLike | None = None):
         self.path = path
-        try:
+        with self._naming():
             self.sections = [] if path is None else list(_sections(read_yaml(path), ''))
-        except ConfigurationError as error:
-            raise self.error(error) from error
 
     def error(self, what: object) -> ConfigurationError:
         """Return an error that names the file."""
         return ConfigurationError(f'parameter file {self.path}: {what}')
+
+    @contextmanager
+    def _naming(self, where: str = '') -> Iterator[None]:
+        """Name the file, if any, and a part of it in errors."""
+        try:
+            yield
+        except ConfigurationError as error:
+            raise (error if self.path is None else self.error(f'{where}{error}')) from error
 
     def values(self, node: str) -> dict[str, Any]:
         """Return the parameters for a node by its full name, such as `/tactile/driver`."""
@@ -69,18 +76,14 @@ class ParameterFile:
     def config(self, node: str, config: type, given: Mapping[str, Any] | None = None) -> Any:
         """Build a node's configuration; `given` overrides the file; raises ConfigurationError."""
         values = {**self.values(node), **(given or {})}
-        try:
+        with self._naming(f'{node}: '):
             return built(config, lambda name, default, kind, metadata: checked(
                 name, values.get(name, default), kind, metadata))
-        except ConfigurationError as error:
-            raise (error if self.path is None else self.error(f'{node}: {error}')) from error
 
     def refuse_unknown(self, section: str, values: Iterable[str], known: Iterable[str]) -> None:
         """Raise a ConfigurationError if a parameter of a section is unknown."""
-        try:
+        with self._naming(f'{section}: '):
             refuse_unknown(values, known)
-        except ConfigurationError as error:
-            raise self.error(f'{section}: {error}') from error
 
 
 def refuse_unknown(names: Iterable[str], known: Iterable[str]) -> None:

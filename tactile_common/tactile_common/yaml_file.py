@@ -1,6 +1,7 @@
 """Reader of untrusted YAML files, checked against limits before anything is expanded."""
 from collections.abc import Iterable
 import os
+import re
 from typing import Any
 
 import yaml
@@ -11,7 +12,15 @@ MAX_BYTES = 1 << 20  # of a file; a table of 256 x 256 numbers takes half of it
 MAX_NODES = 70_000  # keys, values, lists and mappings of a file
 MAX_DEPTH = 32  # nested lists and mappings
 # The C parser, if PyYAML has it, is ten times as fast; both refuse the same files.
-_Loader: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+_Base: Any = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+
+
+class _Loader(_Base):
+    """Loader that reads 2e5 as a number, as ROS does; YAML 1.1 reads it as a text."""
+
+
+_Loader.add_implicit_resolver('tag:yaml.org,2002:float', re.compile(
+    r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+'), list('-+.0123456789'))
 
 
 def read_yaml(path: str | os.PathLike) -> Any:

@@ -7,6 +7,7 @@ import pytest
 
 from tactile_common.config import bounded, check_fields, checked, one_of
 from tactile_common.errors import ConfigurationError
+from tactile_common.parameter_file import ParameterFile
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,18 @@ def test_prefix_and_items():
         Force(gain=-1.0)
     with pytest.raises(ConfigurationError, match=r'^force\.limits\[1\] is 11\.0, must be .* N$'):
         Force(limits=(1.0, 11.0))
+
+
+def test_an_integer_that_is_no_float_is_refused():
+    with pytest.raises(ConfigurationError, match=r'^rate is 1000.*, must be a number$'):
+        Config(rate=10**400)
+
+
+@pytest.mark.parametrize('text, value', [('2e2', 200.0), ('1.5e+3', 1500.0), ('.5e1', 5.0)])
+def test_an_exponent_in_a_parameter_file_is_that_of_a_number(tmp_path, text, value):
+    path = tmp_path / 'own.yaml'
+    path.write_text(f'/**/driver: {{ros__parameters: {{rate: {text}}}}}')
+    assert ParameterFile(path).config('/tactile/driver', Config).rate == value
 
 
 def test_a_long_value_is_cut():
