@@ -185,7 +185,7 @@ def track(options: argparse.Namespace, path: Path, scene: Scene, folder: Path, d
         graph.spin(lambda: client.finished or over())
         if stop.is_set():
             client.cancel()
-            stop.clear()
+            stop.requested = False
             linger(graph, lambda: client.finished or stop.is_set(), 2.0)
             return 'interrupted'
         if not client.finished:

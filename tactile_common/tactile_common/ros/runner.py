@@ -95,22 +95,17 @@ def freeze_heap() -> None:
 
 
 class Stop:
-    """A flag with the methods of an Event but without a lock; two signals could dead-lock one."""
+    """Whether a signal asked to end; unlike an Event's lock, two signals cannot dead-lock it."""
 
-    def __init__(self) -> None:
-        self._on = False
+    requested = False
 
     def is_set(self) -> bool:
         """Return True if the end was requested."""
-        return self._on
+        return self.requested
 
-    def set(self) -> None:
-        """Request the end."""
-        self._on = True
-
-    def clear(self) -> None:
-        """Withdraw the request."""
-        self._on = False
+    def on_signal(self, *_: Any) -> None:
+        """Request the end: a signal handler."""
+        self.requested = True
 
 
 @contextmanager
@@ -122,7 +117,7 @@ def stop_on_signals() -> Iterator[Stop]:
     message nor be destroyed in order. Use it with `SignalHandlerOptions.NO`, in the main thread.
     """
     stop = Stop()
-    with _on_signals(lambda *_: stop.set()):
+    with _on_signals(stop.on_signal):
         yield stop
 
 
@@ -180,7 +175,7 @@ def run(node_class: Any, args: list[str] | None = None,
             spin(executor, context, lambda: stop.is_set() or bool(until and until(node)))
             stopped = stop.is_set()
             if stopped and on_stop and until:
-                stop.clear()  # a second signal ends it at once
+                stop.requested = False  # a second signal ends it at once
                 on_stop(node)
                 end = time.monotonic() + _LAST_WORDS
                 spin(executor, context, lambda: until(node) or stop.is_set()
