@@ -145,7 +145,7 @@ def follow(case: Case, seed: int) -> tuple[dict[str, Any], list, list]:
     """Run a case once; return numbers of its summary, contacts and their errors."""
     scene = replace(load_scene(scene_file(case.scene)), start=case.start)
     if case.step is not None:
-        scene = replace(scene, surface=Placed(StepShape(case.step), scene.top))
+        scene = replace(scene, surface=Placed(StepShape(case.step), scene.surface.top))
     bounds = ServoConfig(force=ForceBounds(max_load=20.0)) if max(
         case.goal.force, case.before) > 10.0 else ServoConfig()
     robot = gantry(scene.plant.acceleration, case.wrist) if case.wrist else None
@@ -162,7 +162,7 @@ def follow(case: Case, seed: int) -> tuple[dict[str, Any], list, list]:
     fastest = max((cycle.status.speed for cycle in simulation.log
                    if np.isfinite(cycle.status.speed)), default=np.nan)
     felt = simulation.felt()
-    points = felt - np.array(scene.top)
+    points = felt - np.array(scene.surface.top)
     return ({**{key: summary[key] for key in KEYS}, 'fastest': float(fastest)}, points.tolist(),
             scene.surface.distance(felt).tolist())
 

@@ -59,7 +59,7 @@ def straight_scene():
     return EdgeScene(
         'straight', 'Straight edge.',
         EdgePath(np.array([[0.3, -0.1, 0.12], [0.3, 0.1, 0.12]])),
-        Skin(0.002, 2e5), Start(0.02, OFFSET, 0.004, 0.0), sensor=Sensor(630.0, 10.0, 627.45))
+        Start(0.02, OFFSET, 0.004, 0.0), skin=Skin(0.002, 2e5), sensor=Sensor(630.0, 10.0, 627.45))
 
 
 def lateral_at(seconds):

@@ -55,7 +55,7 @@ def test_nothing_is_told_of_nothing():
 def rolled(scene, outward):
     """Run whose probe was pressed 0.6 mm into a ball along each of unit vectors (N, 3)."""
     count, dome = len(outward), scene.dome
-    centre = np.array(scene.top) - [0.0, 0.0, RADIUS]
+    centre = np.array(scene.surface.top) - [0.0, 0.0, RADIUS]
     stamps = 10**18 + 10_000_000 * np.arange(count)
     poses, touches = np.tile(np.eye(4), (2, count, 1, 1))
     touches[:, :3, 3] = centre + RADIUS * outward

@@ -25,12 +25,12 @@ from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import Late, MockController
 from tactile_simulation.metrics import accelerations, judged, measure, NAN, percentile
 from tactile_simulation.scene_calibration import calibration_of
-from tactile_simulation.world import Course, Truth
+from tactile_simulation.world import Course
 
 STEP = 2.5e-3  # s; control at 400 Hz
 PICTURE_EVERY = 2  # steps; sensing at 200 Hz
 ROBOT_STEP, ROBOT_PHASE = 2.0e-3, 0.25e-3  # s; joint states and the robot's controller at 500 Hz
-TRANSPORT = 0.5e-3  # s; from a control cycle to the robot's controller, without faults
+TRANSPORT = 0.5e-3  # s; from a control cycle to the robot's controller
 TARE_FRAMES = 100
 WEIGHT = np.array([0.3, -0.2, 4.0])  # N, weight of the tool
 
@@ -54,32 +54,29 @@ class Simulation:
     ----------
     scene : Scene
     law : str, optional
-        Name of the servo law, by default that of the scene's action; `settings` is its
-        configuration, `config` is the configuration of the supervisor.
+        Name of the servo law; default: that of the scene's action.
     seed : int
         Seed of the sensor's noise.
     latency : float, optional
         From the instant that an image shows to its arrival [s]; default: the scene's.
+    config, settings, estimator : optional
+        Configurations of supervisor, law and contact estimator.
     robot : tuple of (RobotModel, JointLimits), optional
         Default: a gantry with the acceleration of the scene's plant.
     seed_positions : array_like (n,), optional
-        Joint positions where the search for the start pose begins; default: zeros for the
-        gantry, otherwise see `RobotModel.inverse`.
+        Joint positions where the search for the start pose begins, see `RobotModel.inverse`.
     workspace : WorkspaceBox, optional
         Box that the sensor does not leave.
-    estimator : EstimatorConfig, optional
-        Default: as required by the scene's probe.
     clock : callable, optional
         Returns seconds; if given, the servo's computation time is measured with it.
     faults : sequence of Fault
-        Faults during a goal.
+        Faults of the sensor, from the start of the goal on.
     wrist : bool
         True if the robot has a force sensor at its wrist, which also measures 4 N of the tool.
 
     Attributes
     ----------
     world : World
-        The touched world.
     now : float
         Time; begins at 1 [s].
     pose : ndarray, shape (4, 4)
@@ -164,16 +161,13 @@ class Simulation:
             self.servo.see_contact(contact, image.stamp_ns, self.now)
             self.picture_costs.append(self._clock() - before)
             self._feel(self._path.add_contact(image.stamp_ns, contact, picture=image))
-        if self._faults.client_lives(self.now - self._began):
-            self.servo.hear_client()
         if self.wrist:
             self.servo.see_wrench(WEIGHT + self.world.force(pose) * pose[:3, 2], self.now)
         before = self._clock()
         status, trajectory = self.servo.cycle(self.now, now_ns)
         self.cycle_costs.append(self._clock() - before)
         if trajectory is not None:
-            late = self._faults.delay(self.now - self._began)
-            self._windows.append((self.now + self.transport + late, trajectory))
+            self._windows.append((self.now + self.transport, trajectory))
         self.log.append(Cycle(self.now, status, pose, self.world.force(pose),
                               self.world.shift))
         return status
@@ -225,12 +219,12 @@ class Simulation:
         times, positions = zip(*self.commands, strict=True)
         return accelerations(np.array(times), np.array(positions))
 
-    def truth(self) -> Truth:
+    def truth(self) -> Course:
         """Return the true course of the pad at every cycle, compared with the scene."""
         time, force, progress = np.array([
             (cycle.time, cycle.force, cycle.status.progress) for cycle in self.log]).T
         tracking = np.isin([cycle.status.state for cycle in self.log], ON_TRACK)
-        return self.world.truth(Course(
+        return self.scene.truth(Course(
             time, np.array([cycle.pose for cycle in self.log]), force,
             np.array([cycle.shift for cycle in self.log]), progress, tracking,
             tracking & (progress >= SETTLING_LENGTH)))
@@ -258,7 +252,7 @@ class Simulation:
             'law': servo.law.name, 'seed': self.seed, 'speed': goal.speed,
             'tracked_length': servo.statistics.tracked_length,
             **measure(truth, goal.force, self.accelerations()),
-            **self.world.numbers(truth, self.felt(), goal.force),
+            **self.scene.numbers(truth, self.felt(), goal.force),
             'force_end': self.log[-1].force,
             'closed': servo.result().closed, 'duration': duration,
             'real_time_factor': duration / elapsed, 'sensor_rate': self.sensor_rate,
@@ -267,7 +261,7 @@ class Simulation:
             'cpu_per_image': percentile(self.picture_costs),
             'states': [{'time': first.time, **_state(first.status)} for _, (first, *_) in groupby(
                 self.log, key=lambda cycle: cycle.status.state)]}
-        return judged(numbers, servo.success, self.world)
+        return judged(numbers, servo.success, self.scene)
 
 
 def _state(status):

@@ -1,8 +1,8 @@
 """The edge of a rigid object under a flat pad."""
 from collections.abc import Mapping
-from dataclasses import dataclass, field, MISSING
+from dataclasses import dataclass, field, MISSING, replace
 import math
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +12,7 @@ from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.metrics import largest, NAN, rms
 from tactile_simulation.render import force_on, render
-from tactile_simulation.sensor import Skin
-from tactile_simulation.world import Course, Scene, Truth, World
+from tactile_simulation.world import Course, Scene, World
 
 # Settled lateral RMS of the pad's centre, below which the edge counts as tracked [m]. The object
 # may slip farther at once.
@@ -43,9 +42,8 @@ class Slip:
 class EdgeScene(Scene):
     """An edge and a flat pad above it."""
 
-    action: ClassVar[str] = 'track_edge'
+    action = 'track_edge'
     edge: EdgePath
-    skin: Skin = field(default_factory=Skin)
     start: Start = field(default_factory=Start)
     slip: Slip | None = None
 
@@ -86,13 +84,32 @@ class EdgeScene(Scene):
     def world(self) -> 'EdgeWorld':
         return EdgeWorld(self)
 
+    def truth(self, course: Course) -> Course:
+        edge, reach = self.edge, self.sensor.array.half_width_y
+        lateral, along = edge.nearest(course.poses[:, :3, 3] - course.shift)
+        settled = course.settled & edge.beside(along)
+        # A pad that extends beyond an end cannot reach the target force.
+        whole = edge.closed | ((along >= reach) & (along <= edge.length - reach))
+        return replace(course, settled=settled, on_target=settled & whole, lateral=lateral,
+                       along=along)
 
-@dataclass(frozen=True, eq=False)
-class EdgeTruth(Truth):
-    """True course of the pad, compared with the edge that it followed."""
+    def numbers(self, truth: Course, felt: np.ndarray, force: float) -> dict[str, Any]:
+        settled, along = truth.lateral[truth.settled], truth.along[truth.tracking]
+        transient = truth.tracking & ~truth.settled & self.edge.beside(truth.along)
+        error, area = contour_errors(felt, self.edge)
+        return {
+            'edge_length': float(np.ptp(along)) if len(along) else NAN,
+            'lateral_rms': rms(settled), 'lateral_max': largest(settled),
+            'lateral_steady': rms(settled[len(settled) // 2:]),
+            'lateral_transient_max': largest(truth.lateral[transient]),
+            'contour_max_error': error, 'contour_area_error': area}
 
-    lateral: np.ndarray  # pad's centre to the left of the edge [m]
-    along: np.ndarray  # arc length of the nearest point of the edge [m]
+    def objection(self, numbers: Mapping[str, Any]) -> str:
+        """Object if the pad's centre did not follow the edge as far as the servo reports."""
+        led = (numbers['lateral_rms'] < LATERAL_BOUND  # NaN (never settled) fails too
+               and numbers['edge_length'] > max(SETTLING_LENGTH,
+                                                0.9 * numbers['tracked_length']))
+        return '' if led else 'the pad was not led along the edge'
 
 
 class EdgeWorld(World):
@@ -103,12 +120,11 @@ class EdgeWorld(World):
     defines a slip.
     """
 
-    scene: EdgeScene
-
     def render(self, pose: np.ndarray) -> np.ndarray:
         self._slip(pose)
-        return render(self._points(pose), self.array, self.scene.skin, self.scene.edge.solid,
-                      self.scene.sensor.area)
+        scene = self.scene
+        return render(self._points(pose), self.array, scene.skin, scene.edge.solid,
+                      scene.sensor.area)
 
     def force(self, pose: np.ndarray) -> float:
         self._slip(pose)
@@ -128,34 +144,6 @@ class EdgeWorld(World):
         if edge.nearest(pose[:3, 3])[1][0] >= slip.s:
             along = edge.tangent_at(slip.s)
             self.shift = slip.offset * np.array([-along[1], along[0], 0.0])
-
-    def truth(self, course: Course) -> EdgeTruth:
-        edge, reach = self.scene.edge, self.array.half_width_y
-        lateral, along = edge.nearest(course.poses[:, :3, 3] - course.shift)
-        settled = course.settled & edge.beside(along)
-        # A pad that extends beyond an end cannot reach the target force.
-        whole = edge.closed | ((along >= reach) & (along <= edge.length - reach))
-        return EdgeTruth(**{**vars(course), 'settled': settled}, on_target=settled & whole,
-                         lateral=lateral, along=along)
-
-    def numbers(self, truth: EdgeTruth, felt: np.ndarray, force: float) -> dict[str, Any]:
-        settled, along = truth.lateral[truth.settled], truth.along[truth.tracking]
-        edge = self.scene.edge
-        transient = truth.tracking & ~truth.settled & edge.beside(truth.along)
-        error, area = contour_errors(felt, edge)
-        return {
-            'edge_length': float(np.ptp(along)) if len(along) else NAN,
-            'lateral_rms': rms(settled), 'lateral_max': largest(settled),
-            'lateral_steady': rms(settled[len(settled) // 2:]),
-            'lateral_transient_max': largest(truth.lateral[transient]),
-            'contour_max_error': error, 'contour_area_error': area}
-
-    def objection(self, numbers: Mapping[str, Any]) -> str:
-        """Object if the pad's centre did not follow the edge as far as the servo reports."""
-        led = (numbers['lateral_rms'] < LATERAL_BOUND  # NaN (never settled) fails too
-               and numbers['edge_length'] > max(SETTLING_LENGTH,
-                                                0.9 * numbers['tracked_length']))
-        return '' if led else 'the pad was not led along the edge'
 
 
 def contour_errors(contour: np.ndarray, edge: EdgePath) -> tuple[float, float]:

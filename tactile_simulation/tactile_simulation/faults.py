@@ -1,4 +1,4 @@
-"""Faults of a simulation: wrong sensor readings, late windows, a silent client."""
+"""Faults of a simulated sensor."""
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
@@ -12,16 +12,14 @@ from tactile_simulation.sensor import Sensor
 # Description of each kind and the unit of its value, or None if it takes no value.
 KINDS: dict[str, tuple[str, str | None]] = {
     'zero': ('reads its tare, as a skin that was unplugged after it', None),
-    'frozen': ('the same image again and again, with stamps that run on', None),
-    'dead': ('reads its tare, as `zero`', None),
-    'fade': ('the gain falls to nothing within SECONDS', None),
     'half_dead': ('half of the columns read their tare', None),
     'middle_dead': ('the middle half of the columns reads its tare', None),
-    'gain': ('the gain is multiplied by VALUE', ''),
+    'frozen': ('the same image again and again, with stamps that run on', None),
+    'fade': ('the gain falls to nothing within SECONDS', None),
+    'gain': ('the gain is multiplied by VALUE', '1'),
     'drift': ('all readings drift by VALUE', 'Pa/s'),
-    'late': ('windows reach the robot later by VALUE', 's'),
-    'stale_client': ('the client of the goal falls silent', None),
 }
+DEAD = {'zero': (0.0, 1.0), 'half_dead': (0.0, 0.5), 'middle_dead': (0.25, 0.75)}  # columns
 FORM = 'KIND@T[:SECONDS][=VALUE]'
 _NUMBER = r'[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?'
 _SYNTAX = re.compile(rf'(\w+)@({_NUMBER})(?::({_NUMBER}))?(?:=({_NUMBER}))?')
@@ -49,7 +47,7 @@ class Fault:
         unit = KINDS[kind][1]
         if (match[4] is None) != (unit is None):
             raise ConfigurationError(f'fault {text!r}: {kind} takes ' + (
-                'no =VALUE' if unit is None else f'=VALUE [{unit or "1"}]'))
+                'no =VALUE' if unit is None else f'=VALUE [{unit}]'))
         lasting = float(match[3] or math.inf)
         if not lasting > 0.0 or (kind == 'fade' and lasting == math.inf):
             raise ConfigurationError(f'fault {text!r}: takes :SECONDS above 0')
@@ -61,7 +59,7 @@ class Fault:
 
 
 class Faults:
-    """What the faults do to a simulation; `at` is the time since the start of the goal [s]."""
+    """What the faults do to the images; `at` is the time since the start of the goal [s]."""
 
     def __init__(self, faults: Sequence[Fault], sensor: Sensor):
         self._faults, self._sensor = faults, sensor
@@ -78,12 +76,9 @@ class Faults:
         read = counts.astype(float) - sensor.baseline
         for fault in acting:
             kind, passed = fault.kind, at - fault.since
-            if kind in ('zero', 'dead'):
-                read *= 0.0
-            elif kind == 'half_dead':
-                read[:, :width // 2] = 0.0
-            elif kind == 'middle_dead':
-                read[:, width // 4:width - width // 4] = 0.0
+            if kind in DEAD:
+                first, end = (round(share * width) for share in DEAD[kind])
+                read[:, first:end] = 0.0
             elif kind == 'fade':
                 read *= max(1.0 - passed / fault.lasting, 0.0)
             elif kind == 'gain':
@@ -94,19 +89,9 @@ class Faults:
             counts.dtype)
         return self._sent
 
-    def delay(self, at: float) -> float:
-        """Return the additional delay of a window that is sent now [s]."""
-        return sum(fault.value for fault in self._faults
-                   if fault.kind == 'late' and fault.acts(at))
-
-    def client_lives(self, at: float) -> bool:
-        """Return True if the goal's client sends heartbeats; without faults there is none."""
-        return bool(self._faults) and not any(
-            fault.kind == 'stale_client' and fault.acts(at) for fault in self._faults)
-
 
 def describe_faults() -> str:
     """Return the kinds of faults, one per line."""
     return '\n'.join([f'faults, {FORM}; T in seconds after the goal, lasting SECONDS:',
-                      *(f'  {kind:14}{text}' + (f' [{unit or "1"}]' if unit is not None else '')
+                      *(f'  {kind:14}{text}' + (f' [{unit}]' if unit else '')
                         for kind, (text, unit) in KINDS.items())])

@@ -1,12 +1,13 @@
 """Metrics of a run, simulated or recorded, compared with the truth of its scene."""
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 import json
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from tactile_simulation.world import Truth, World
+from tactile_simulation.world import Course, Scene
 
 NAN = float('nan')
 TREND = 0.1  # s over which a speed is averaged; the departure from this mean is scatter
@@ -81,7 +82,8 @@ def scatter(time: np.ndarray, speed: np.ndarray, chosen: np.ndarray) -> float:
     return float(np.std((speed - trend)[whole])) if whole.any() else NAN
 
 
-class Metric(NamedTuple):
+@dataclass(frozen=True)
+class Metric:
     """A number of a summary with its name and format."""
 
     key: str
@@ -125,7 +127,7 @@ METRICS = (
 )
 
 
-def measure(truth: Truth, force: float, acceleration: np.ndarray) -> dict[str, float]:
+def measure(truth: Course, force: float, acceleration: np.ndarray) -> dict[str, float]:
     """
     Return the metrics of a run that apply to edges and surfaces, in SI units.
 
@@ -145,9 +147,9 @@ def measure(truth: Truth, force: float, acceleration: np.ndarray) -> dict[str, f
         'speed_mean': float(np.ptp(way)) / lasted if lasted > 0.0 else NAN}
 
 
-def judged(numbers: dict[str, Any], success: bool, world: World) -> dict[str, Any]:
-    """Return a summary with `ok` and reason, which also consider the objection of the world."""
-    objection = world.objection(numbers) if success else ''
+def judged(numbers: dict[str, Any], success: bool, scene: Scene) -> dict[str, Any]:
+    """Return a summary with `ok` and reason, which also consider the objection of the scene."""
+    objection = scene.objection(numbers) if success else ''
     reason = '; but '.join(filter(None, (numbers['reason'], objection)))
     return {'ok': success and not objection, **numbers, 'reason': reason}
 

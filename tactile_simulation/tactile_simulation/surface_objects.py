@@ -16,11 +16,7 @@ class SolidObject(Protocol):
 
 
 def normal_at(solid: SolidObject, point: np.ndarray) -> np.ndarray:
-    """
-    Return the outward unit normal (3,) at a point (3,), from differences.
-
-    At a point off the surface, this is the normal of the level set of distances.
-    """
+    """Return the outward unit normal (3,) of the level set of distances at a point (3,)."""
     steps = NORMAL_STEP * np.vstack([np.eye(3), -np.eye(3)])
     distances = solid.distance(point + steps)
     slope = distances[:3] - distances[3:]
@@ -55,17 +51,10 @@ class Torus:
     Torus touched at its outer equator, in the contact frame: x along the ring, z inward.
 
     Limits are a cylinder (infinite ring), a sphere (ring of radius 0) and a plane (both infinite).
-
-    Parameters
-    ----------
-    ring : float
-        Radius of the circle of the tube's centres [m]; inf makes a cylinder along x, 0 a sphere.
-    tube : float
-        Radius of the tube [m]; inf, with a ring of inf, makes a plane.
     """
 
-    ring: float
-    tube: float
+    ring: float  # radius of the circle of the tube's centres [m]
+    tube: float  # radius of the tube [m]
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         x, y, z = np.moveaxis(points, -1, 0)

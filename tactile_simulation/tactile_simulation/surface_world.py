@@ -1,8 +1,8 @@
 """The surface of an object under a round probe."""
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +12,11 @@ from tactile_sensing.dome.finite_elements import operator_for, SkinConfig
 from tactile_sensing.dome.geometry import contact_frame, Dome
 from tactile_simulation.metrics import largest, NAN, rms
 from tactile_simulation.sensor import Sensor, Skin
-from tactile_simulation.surface_objects import nearest_point, normal_at, SolidObject
-from tactile_simulation.world import Course, NodeParameters, Scene, Truth, World
+from tactile_simulation.surface_objects import nearest_point, normal_at, Placed
+from tactile_simulation.world import Course, NodeParameters, Scene, World
 
-PA_PER_COUNT = 1000.0  # 15 N on a sphere of the probe's own size do not saturate it
+# 15 N on a sphere of the probe's own size do not saturate it.
+SENSOR = Sensor(pa_per_count=1000.0)
 CALIBRATION_FORCE = 5.0  # N at the pad's centre, by which the sensor is calibrated
 SLIDING = 1e-7  # m between two poses; smaller motions do not count as sliding
 TOUCHING = 0.05  # share of the target force, above which there is contact
@@ -44,21 +45,19 @@ class SurfaceStart:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceScene(Scene):
-    """An object and the round probe that touches it."""
+    """An object and the round probe that touches it; the driver knows its skin by its depth."""
 
-    action: ClassVar[str] = 'track_surface'
-    surface: SolidObject
-    top: tuple[float, ...]  # m
+    action = 'track_surface'
+    surface: Placed
     touch: Touch = field(default_factory=Touch)
     dome: Dome = field(default_factory=Dome)
     rubber: SkinConfig = field(default_factory=SkinConfig)
     start: SurfaceStart = field(default_factory=SurfaceStart)
-    sensor: Sensor = field(default_factory=lambda: Sensor(pa_per_count=PA_PER_COUNT), kw_only=True)
+    skin: Skin = field(init=False)
+    sensor: Sensor = field(default=SENSOR, kw_only=True)
 
-    @property
-    def skin(self) -> Skin:
-        """Depth of the tactels, as the driver knows it."""
-        return Skin(depth=self.dome.depth)
+    def __post_init__(self):
+        object.__setattr__(self, 'skin', Skin(depth=self.dome.depth))
 
     def parameters(self) -> NodeParameters:
         """Return the probe's radius, and moments: no flat-pad model fits its contacts."""
@@ -69,7 +68,7 @@ class SurfaceScene(Scene):
     def start_pose(self) -> np.ndarray:
         """Return the first pose (4, 4) of the sensor: above the object, z towards it."""
         start = self.start
-        above = np.array(self.top) + [start.x, start.y, 0.0]
+        above = np.array(self.surface.top) + [start.x, start.y, 0.0]
         contact = nearest_point(self.surface, above)
         outward = normal_at(self.surface, contact)
         level = np.array([1.0, 0.0, 0.0]) - outward[0] * outward
@@ -83,20 +82,33 @@ class SurfaceScene(Scene):
         pose[:3, 3] = centre - rotation @ self.dome.centre
         return pose
 
+    def centre(self, pose: np.ndarray) -> np.ndarray:
+        """Return the centre (3,) of the probe's spheres at a pose, in the base frame."""
+        return pose[:3, 3] + pose[:3, :3] @ self.dome.centre
+
     def world(self) -> 'SurfaceWorld':
         return SurfaceWorld(self)
 
+    def truth(self, course: Course) -> Course:
+        place = np.full((len(course.time), 2), NAN)
+        for index in np.flatnonzero(course.tracking):
+            pose = course.poses[index]
+            inward = -normal_at(self.surface, self.centre(pose))
+            place[index] = self.dome.place(pose[:3, :3].T @ inward)
+        return replace(course, on_target=course.settled, place=place)
 
-def _centre(dome, pose):
-    """Return the centre (3,) of the probe's spheres in the base frame."""
-    return pose[:3, 3] + pose[:3, :3] @ dome.centre
+    def numbers(self, truth: Course, felt: np.ndarray, force: float) -> dict[str, Any]:
+        errors = self.surface.distance(felt) if len(felt) else np.zeros(0)
+        aside, tracked = np.hypot(*truth.place.T)[truth.settled], truth.force[truth.tracking]
+        fragile = self.touch.fragile
+        return {
+            'surface_rms': rms(errors), 'surface_max': largest(errors),
+            'centre_rms': rms(aside), 'centre_max': largest(aside),
+            'contact_kept': float(np.mean(tracked > TOUCHING * force)) if len(tracked) else 0.0,
+            'broken': bool(fragile and largest(truth.force) > fragile)}
 
-
-@dataclass(frozen=True, eq=False)
-class SurfaceTruth(Truth):
-    """True course of the probe, compared with the surface that it followed."""
-
-    place: np.ndarray  # (N, 2), place of the contact on the pad while tracking [m]
+    def objection(self, numbers: Mapping[str, Any]) -> str:
+        return 'what was touched has broken' if numbers['broken'] else ''
 
 
 class SurfaceWorld(World):
@@ -108,8 +120,6 @@ class SurfaceWorld(World):
     tactels' pressure. Friction acts against the sliding since the previous pose. The sensor is
     calibrated by force: M0 is the force at the pad's centre.
     """
-
-    scene: SurfaceScene
 
     def __init__(self, scene: SurfaceScene):
         super().__init__(scene)
@@ -137,8 +147,8 @@ class SurfaceWorld(World):
             return
         before, self._pose = self._pose, pose.copy()
         self._loads, self._pressing = np.zeros_like(self._outward), 0.0
-        solid, dome = self.scene.surface, self.scene.dome
-        if solid.distance(_centre(dome, pose)[None])[0] >= dome.skin_radius:
+        scene, solid = self.scene, self.scene.surface
+        if solid.distance(scene.centre(pose)[None])[0] >= scene.dome.skin_radius:
             return
         points = self._operator.points @ pose[:3, :3].T + pose[:3, 3]
         depth = np.maximum(-solid.distance(points), 0.0)
@@ -147,7 +157,7 @@ class SurfaceWorld(World):
         loads = -pressed[:, None] * self._outward[touched]
         total = loads.sum(axis=0)
         self._pressing = math.sqrt(total @ total)
-        friction = self.scene.touch.friction
+        friction = scene.touch.friction
         if friction and np.isfinite(before).all():
             loads = loads - friction * pressed[:, None] * self._sliding(
                 touched, points[touched], before)
@@ -161,24 +171,3 @@ class SurfaceWorld(World):
         along = moved - (moved * outward).sum(axis=1, keepdims=True) * outward
         size = np.linalg.norm(along, axis=1, keepdims=True)
         return np.where(size > SLIDING, along / np.maximum(size, SLIDING), 0.0)
-
-    def truth(self, course: Course) -> SurfaceTruth:
-        place, dome = np.full((len(course.time), 2), NAN), self.scene.dome
-        for index in np.flatnonzero(course.tracking):
-            pose = course.poses[index]
-            inward = -normal_at(self.scene.surface, _centre(dome, pose))
-            place[index] = dome.place(pose[:3, :3].T @ inward)
-        return SurfaceTruth(**vars(course), on_target=course.settled, place=place)
-
-    def numbers(self, truth: SurfaceTruth, felt: np.ndarray, force: float) -> dict[str, Any]:
-        errors = self.scene.surface.distance(felt) if len(felt) else np.zeros(0)
-        aside, tracked = np.hypot(*truth.place.T)[truth.settled], truth.force[truth.tracking]
-        fragile = self.scene.touch.fragile
-        return {
-            'surface_rms': rms(errors), 'surface_max': largest(errors),
-            'centre_rms': rms(aside), 'centre_max': largest(aside),
-            'contact_kept': float(np.mean(tracked > TOUCHING * force)) if len(tracked) else 0.0,
-            'broken': bool(fragile and largest(truth.force) > fragile)}
-
-    def objection(self, numbers: Mapping[str, Any]) -> str:
-        return 'what was touched has broken' if numbers['broken'] else ''

@@ -1,9 +1,9 @@
-"""Worlds that a simulated pad touches: pressure and force at a pose, and truth of a run."""
+"""A scene, the world that the simulated pad touches in it, and the truth of a run."""
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, KW_ONLY
 from pathlib import Path
-from typing import Any, ClassVar, TYPE_CHECKING
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,16 +26,21 @@ class Plant:
 
 @dataclass(frozen=True)
 class NodeParameters:
-    """Node parameters that a scene's probe requires, in addition to those of a file."""
+    """Parameters of servo, shape and contact estimator that a scene's probe requires."""
 
     servo: Mapping[str, Any] = field(default_factory=dict)
-    shape: Mapping[str, Any] = field(default_factory=dict)  # of the shape estimator,
-    contact: Mapping[str, Any] = field(default_factory=dict)  # and of the contact estimator
+    shape: Mapping[str, Any] = field(default_factory=dict)
+    contact: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Course of a pad in a run, with its forces; arrays (N, ...)."""
+    """
+    Course of a pad in a run, with its forces; arrays (N, ...).
+
+    `Scene.truth` compares it with the scene: it ends `settled` at the end of the edge, and adds
+    the fields from `on_target` on.
+    """
 
     time: np.ndarray  # s
     poses: np.ndarray  # (N, 4, 4), sensor -> base
@@ -44,13 +49,10 @@ class Course:
     progress: np.ndarray  # progress reported by the servo [m]
     tracking: np.ndarray  # True while the servo tracks
     settled: np.ndarray  # tracking, from `SETTLING_LENGTH` after first contact on
-
-
-@dataclass(frozen=True, eq=False)
-class Truth(Course):
-    """A course compared with what it followed; `settled` ends at the end of the edge."""
-
-    on_target: np.ndarray  # settled, and the target force can be reached
+    on_target: Any = None  # settled, and the target force can be reached
+    lateral: Any = None  # pad's centre to the left of the edge [m]
+    along: Any = None  # arc length of the nearest point of the edge [m]
+    place: Any = None  # (N, 2), contact of a round probe while tracking [m]
 
 
 class World(ABC):
@@ -63,7 +65,7 @@ class World(ABC):
         Slip of the object [m].
     """
 
-    def __init__(self, scene: 'Scene'):
+    def __init__(self, scene: Any):
         self.scene, self.array = scene, scene.sensor.array
         self.shift = np.zeros(3)
         self._response = TactelResponse(scene.sensor)
@@ -82,48 +84,24 @@ class World(ABC):
 
     def counts(self, pose: np.ndarray | None, rng: np.random.Generator,
                now: float = 0.0) -> np.ndarray:
-        """
-        Return one frame (rows, columns) of counts at a time [s], see `TactelResponse`.
-
-        Without a pose the sensor touches nothing.
-        """
+        """Return one frame (rows, columns) of counts at a time [s]; without a pose, unloaded."""
         pressure = np.zeros(self.array.shape) if pose is None else self.render(pose)
         return self._response.counts(pressure, rng, now)
-
-    @abstractmethod
-    def truth(self, course: Course) -> Truth:
-        """Compare a course with the scene."""
-
-    @abstractmethod
-    def numbers(self, truth: Any, felt: np.ndarray, force: float) -> dict[str, Any]:
-        """
-        Return the values of a summary that need the touched object, in SI units.
-
-        `truth` comes from this world; `felt` (N, 3) are the contacts on a surface, or the vertices
-        of an edge's outline [m]; `force` is the target [N].
-        """
-
-    @abstractmethod
-    def objection(self, numbers: Mapping[str, Any]) -> str:
-        """Return why the truth contradicts a goal that the servo met; empty if it does not."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene(ABC):
-    """A world, its sensor and the start, as described by a file."""
+    """An object, the sensor that touches it, and the start, as described by a file."""
 
     action: ClassVar[str]  # action of the servo
     name: str
     description: str
-    sensor: Sensor = field(default_factory=Sensor, kw_only=True)
-    plant: Plant = field(default_factory=Plant, kw_only=True)
+    _: KW_ONLY
+    skin: Skin = field(default_factory=Skin)
+    sensor: Sensor = field(default_factory=Sensor)
+    plant: Plant = field(default_factory=Plant)
     # Calibration for the driver; None: derived from the scene, without the sensor's flaws.
-    calibration: Path | None = field(default=None, kw_only=True)
-
-    if TYPE_CHECKING:  # a field in some scenes, a property in others
-        @property
-        def skin(self) -> Skin:
-            """Skin above the tactels."""
+    calibration: Path | None = None
 
     @abstractmethod
     def start_pose(self) -> np.ndarray:
@@ -146,3 +124,20 @@ class Scene(ABC):
     def parameters(self) -> NodeParameters:
         """Return the node parameters that the probe requires; none for a flat pad."""
         return NodeParameters()
+
+    @abstractmethod
+    def truth(self, course: Course) -> Course:
+        """Compare a course with the scene."""
+
+    @abstractmethod
+    def numbers(self, truth: Course, felt: np.ndarray, force: float) -> dict[str, Any]:
+        """
+        Return the values of a summary that need the touched object, in SI units.
+
+        `truth` comes from `truth`; `felt` (N, 3) are the contacts on a surface, or the vertices
+        of an edge's outline [m]; `force` is the target [N].
+        """
+
+    @abstractmethod
+    def objection(self, numbers: Mapping[str, Any]) -> str:
+        """Return why the truth contradicts a goal that the servo met; empty if it does not."""

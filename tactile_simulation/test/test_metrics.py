@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_simulation.edge_path import EdgePath
-from tactile_simulation.edge_world import EdgeScene, EdgeTruth
+from tactile_simulation.edge_world import EdgeScene
 from tactile_simulation.metrics import (
     accelerations,
     busy,
@@ -20,9 +20,10 @@ from tactile_simulation.metrics import (
     speeds,
     to_json,
 )
+from tactile_simulation.world import Course
 
 NONE, NOTHING = np.zeros(4, bool), np.zeros((0, 3))
-WORLD = EdgeScene('edge', '', EdgePath(np.array([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0]]))).world()
+SCENE = EdgeScene('edge', '', EdgePath(np.array([[0.0, 0.0, 0.0], [9.0, 0.0, 0.0]])))
 
 
 def truth(**changes):
@@ -33,11 +34,11 @@ def truth(**changes):
         'progress': np.arange(4.0), 'tracking': np.array([0, 1, 1, 1], bool),
         'settled': np.array([0, 0, 1, 1], bool), 'on_target': np.array([0, 0, 1, 0], bool),
         'poses': np.full((4, 4, 4), np.nan), 'shift': np.zeros((4, 3))}
-    return EdgeTruth(**columns | changes)
+    return Course(**columns | changes)
 
 
 def numbers(real, felt=NOTHING, acceleration=NOTHING):
-    return {**measure(real, 5.0, acceleration), **WORLD.numbers(real, felt, 5.0)}
+    return {**measure(real, 5.0, acceleration), **SCENE.numbers(real, felt, 5.0)}
 
 
 def test_errors_count_where_their_masks_say():

@@ -78,10 +78,13 @@ def test_counts_have_the_bits_of_the_converter():
 
 def test_specimens_differ_in_their_flaws_and_are_the_same_at_every_run():
     load, rng = np.full((16, 16), 50e3), np.random.default_rng
-    one, same, other = (TactelResponse(Sensor(gain_spread=0.1, noise_std=0.0, specimen=number))
-                        .counts(load, rng(0), 0.0).astype(float) for number in (1, 1, 2))
+    one, same, other = (TactelResponse(
+        Sensor(gain_spread=0.1, dead=3, noise_std=0.0, baseline=0.0, specimen=number))
+        .counts(load, rng(0), 0.0).astype(float) for number in (1, 1, 2))
     assert (one == same).all()
-    assert 0.05 < np.std(one / other) < 0.3
+    assert (one == 0.0).sum() == (other == 0.0).sum() == 3
+    alive = (one > 0.0) & (other > 0.0)
+    assert np.std(one[alive] / other[alive]) == pytest.approx(0.1 * np.sqrt(2.0), rel=0.2)
 
 
 def test_the_shipped_calibration_is_what_its_commands_make(scene, tmp_path, monkeypatch):

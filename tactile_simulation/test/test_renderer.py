@@ -129,7 +129,7 @@ def test_scales_with_stiffness_and_size():
 
 def a_scene(noise_std=0.0, baseline=10.0):
     edge = EdgePath(np.array([[0.3, -0.1, 0.12], [0.3, 0.02, 0.12], [0.25, 0.1, 0.12]]))
-    return EdgeScene('test', 'An edge.', edge, SKIN, Start(0.05, 0.003, -0.001, 6.0),
+    return EdgeScene('test', 'An edge.', edge, Start(0.05, 0.003, -0.001, 6.0), skin=SKIN,
                      sensor=Sensor(noise_std, baseline))
 
 

@@ -1,4 +1,4 @@
-"""Scenes: geometry of the edge, pose at the start, and every way to get a file wrong."""
+"""Scenes: shape of the edge, pose at the start, slips, and every way to get a file wrong."""
 import math
 from pathlib import Path
 
@@ -9,6 +9,7 @@ import yaml
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.edge_path import ARC_STEP, EdgePath
+from tactile_simulation.edge_world import EdgeWorld
 from tactile_simulation.scene import load_scene
 
 SCENES = Path(__file__).parents[2] / 'launch' / 'scenes'
@@ -28,9 +29,14 @@ def write(folder, tree):
     return path
 
 
-def scene_of(folder, path, **start):
-    tree = {**TREE, 'edge': {**TREE['edge'], 'path': path}, 'start': {**TREE['start'], **start}}
+def scene_of(folder, path, **sections):
+    tree = {**TREE, **sections, 'edge': {**TREE['edge'], 'path': path}}
     return load_scene(write(folder, tree))
+
+
+def edge_of(folder, **shape):
+    """Edge of 200 mm along base y with another shape."""
+    return load_scene(write(folder, {**TREE, 'edge': {**TREE['edge'], **shape}})).edge
 
 
 @pytest.mark.parametrize('name, length, heading', [
@@ -111,13 +117,56 @@ def test_start_pose_looks_down_beside_the_edge(tmp_path):
 
 
 def test_start_yaw_is_right_handed_about_pad_z(tmp_path):
-    scene = scene_of(tmp_path, [{'straight': 0.2}], yaw=20)
+    scene = scene_of(tmp_path, [{'straight': 0.2}], start={'yaw': 20})
     pose = scene.start_pose()
     np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-15)
     assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
     edge_in_pad = pose[:3, :3].T @ scene.edge.tangent_at(0.02)
     yaw = math.atan2(-edge_in_pad[0], edge_in_pad[1])
     assert math.degrees(yaw) == pytest.approx(-20.0)
+
+
+def test_a_path_that_ends_where_it_begins_is_closed(tmp_path):
+    def rounded(sides):
+        return edge_of(tmp_path, path=[part for _ in range(sides) for part in (
+            {'straight': 0.09}, {'arc': {'radius': 0.005, 'angle': 90}})])
+
+    edge = rounded(4)
+    assert edge.closed and (edge.points[0] == edge.points[-1]).all()
+    assert edge.length == pytest.approx(0.36 + 2 * math.pi * 0.005, rel=1e-5)
+    assert not rounded(3).closed
+
+
+def test_heights_join_and_step(tmp_path):
+    edge = edge_of(tmp_path, height=[
+        [0.0, 0.0], [0.05, 0.01], [0.1, 0.01], [0.1, -0.003], [0.2, -0.003]])
+    along, z = edge.points[:, 1] + 0.1, edge.points[:, 2] - 0.12
+    np.testing.assert_allclose(np.interp(0.025, along, z), 0.005, atol=1e-12)
+    np.testing.assert_allclose(z[np.isclose(along, 0.1)], [0.01, -0.003], atol=1e-12)
+    assert (~edge.solid).sum() == 1  # the face of the step
+
+
+def test_wave_has_its_height(tmp_path):
+    edge = edge_of(tmp_path, wave={'height': 0.002, 'length': 0.06})
+    assert np.ptp(edge.points[:, 2]) == pytest.approx(0.002, rel=1e-3)
+
+
+def test_a_gap_presses_nothing(tmp_path):
+    edge = {**TREE['edge'], 'gaps': [[0.09, 0.102]]}
+    scene = load_scene(write(tmp_path, {**TREE, 'edge': edge}))
+    pose = scene.start_pose()
+    pose[:3, 3] = [0.3, -0.004, 0.119]
+    assert EdgeWorld(scene).force(pose) == pytest.approx(2e5 * 1e-3 * (0.0254 - 0.012))
+    assert scene.edge.nearest([[0.299, -0.004, 0.12]])[0][0] == pytest.approx(0.001)
+
+
+def test_the_object_slips_once_the_pad_has_come_so_far(tmp_path):
+    world = EdgeWorld(scene_of(tmp_path, [{'straight': 0.2}], slip={'s': 0.1, 'offset': 0.005}))
+    pose = world.scene.start_pose()
+    for y, expected in ((-0.01, 0.0), (0.01, -0.005), (-0.01, -0.005)):
+        pose[:3, 3] = [0.3, y, 0.119]
+        world.render(pose)
+        np.testing.assert_allclose(world.shift, [expected, 0.0, 0.0], atol=1e-12)
 
 
 def changed(path, value):
@@ -141,35 +190,30 @@ def changed(path, value):
     (('edge', 'start'), [0.3, 0.1], 'edge.start is [0.3, 0.1]'),
     (('edge', 'start'), [0.3, 'a', 0.1], "edge.start[1] is 'a'"),
     (('edge', 'start'), [0.3, 0.0, math.nan], 'edge.start[2] is nan'),
-    (('edge', 'heading'), KeyError, "'heading' is missing"),
     (('edge', 'path'), [], 'edge.path is []'),
     (('edge', 'path'), [{'turn': 30}], 'edge.path is 0 m long, must be above 0'),
-    (('edge', 'path'), [{'straight': -0.1}], 'edge.path[0].straight is -0.1'),
     (('edge', 'path'), [{'straight': 200}], 'edge.path[0].straight is 200'),
     (('edge', 'path'), [{'straight': 0.1}, {'turn': 180}], 'edge.path[1].turn is 180'),
-    (('edge', 'path'), [{'spiral': 1}], 'edge.path[0] has 0 of straight, turn, arc, must have'),
     (('edge', 'path'), [{'straight': 1, 'turn': 1}], 'edge.path[0] has 2 of straight, turn, arc'),
     (('edge', 'path'), [{'straight': 1, 'by': 1}], "edge.path[0]: unknown key 'by'"),
     (('edge', 'path'), [3], 'edge.path[0]: is 3'),
-    (('edge', 'path'), [{'arc': 3}], 'edge.path[0].arc: is 3'),
     (('edge', 'path'), [{'arc': {'radius': 0, 'angle': 9}}], 'arc.radius is 0'),
-    (('skin', 'depth'), 0, 'skin.depth is 0'),
+    (('edge', 'gaps'), [[0.1, 0.3]], 'edge.gaps: must ascend within 0 to 0.2 m'),
+    (('edge', 'gaps'), [[0.1, 0.12], [0.11, 0.13]], 'edge.gaps: must ascend'),
+    (('edge', 'gaps'), [[0.1]], 'edge.gaps[0] is [0.1], must be a list of 2'),
+    (('edge', 'wave'), {'height': 0.2, 'length': 0.1}, 'edge.wave.height is 0.2'),
+    (('edge', 'height'), [], 'edge.height is [], must be a list of pairs'),
+    (('edge', 'height'), [[0.1, 0.0], [0.0, 0.0]], 'must not decrease'),
     (('skin', 'depth'), True, 'skin.depth is True'),
     (('skin', 'stiffness'), 'soft', "skin.stiffness is 'soft', must be a number"),
     (('skin', 'stiffness'), math.inf, 'skin.stiffness is inf'),
-    (('skin', 'stiffness'), 10**400, 'skin.stiffness is inf'),
-    (('skin', 'layers'), 2, "skin: unknown key 'layers'"),
-    (('sensor', 'noise_std'), -1, 'sensor.noise_std is -1'),
+    (('skin', 'stiffness'), 10**400, 'skin.stiffness is 1000'),
     (('sensor', 'baseline'), 256, 'sensor.baseline is 256'),
-    (('sensor', 'pa_per_count'), 0, 'sensor.pa_per_count is 0'),
-    (('sensor', 'rows'), 2, 'sensor.rows is 2'),
     (('sensor', 'columns'), 8.5, 'sensor.columns is 8.5, must be an integer'),
     (('sensor', 'columns'), 1000, 'sensor.columns is 1000'),
-    (('sensor', 'pitch_y'), 0, 'sensor.pitch_y is 0'),
-    (('sensor', 'pitch_x'), 1.0, 'sensor.pitch_x is 1.0'),
     (('sensor',), 3, 'sensor: is 3'),
+    (('slip',), {'s': 0.1}, "slip: key 'offset' is missing"),
     (('start', 's'), 0.21, 'start.s is 0.21, must be at most the length of the edge, 0.2 m'),
-    (('start', 'offset'), 1.0, 'start.offset is 1.0'),
     (('start', 'yaw'), None, 'start.yaw is None'),
 ])
 def test_wrong_values_are_named_in_one_line(tmp_path, path, value, words):

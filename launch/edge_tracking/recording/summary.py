@@ -13,7 +13,7 @@ from tactile_shape.contour.outline import find_outline
 from tactile_shape.types.patch import Kind
 from tactile_simulation import metrics
 from tactile_simulation.metrics import busy, judged, measure, NAN, percentile, rate
-from tactile_simulation.world import Course, Scene, Truth
+from tactile_simulation.world import Course, Scene
 
 
 def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
@@ -23,7 +23,7 @@ def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
     return tracking, tracking & settled
 
 
-def truth(run: RunData, scene: Scene) -> Truth:
+def truth(run: RunData, scene: Scene) -> Course:
     """Compare the recorded poses of the pad with the scene; time as in `run.seconds`."""
     poses, statuses, world = run.poses, run.statuses, scene.world()
     force, shift = np.empty(len(poses.stamp_ns)), np.zeros((len(poses.stamp_ns), 3))
@@ -34,7 +34,7 @@ def truth(run: RunData, scene: Scene) -> Truth:
     progress, tracking, settled = (
         np.append(values, values.dtype.type(0))[newest]  # -1, before the first cycle, gives 0
         for values in (statuses.progress, *settled_cycles(statuses)))
-    return world.truth(Course(
+    return scene.truth(Course(
         run.seconds(poses.stamp_ns), poses.matrix, force, shift, progress, tracking, settled))
 
 
@@ -77,7 +77,7 @@ def goal_was_met(run: RunData) -> bool:
     return bool(len(ends) and ends[-1] < ReasonCode.PAUSED)
 
 
-def summarise(run: RunData, scene: Scene | None = None, real: Truth | None = None
+def summarise(run: RunData, scene: Scene | None = None, real: Course | None = None
               ) -> dict[str, Any]:
     """
     Return the summary of a run in SI units; NaN means unknown.
@@ -97,9 +97,9 @@ def summarise(run: RunData, scene: Scene | None = None, real: Truth | None = Non
     common['too_busy'] = bool(busy(common))
     if scene is None:
         return {'ok': met, **common, 'force_target': target, **shape}
-    world, real = scene.world(), real or truth(run, scene)
+    real = real or truth(run, scene)
     return judged({**common, **measure(real, target, run.joint_acceleration),
-                   **world.numbers(real, felt, target), **shape}, met, world)
+                   **scene.numbers(real, felt, target), **shape}, met, scene)
 
 
 def shape_of_edge(run: RunData) -> tuple[np.ndarray, dict[str, Any]]:

@@ -181,7 +181,8 @@ def felt(it: Shown) -> list[dict[str, Any]]:
     off = it.scene.surface.distance(points) if len(points) else np.empty(0)
     return [
         chart('Contacts from above, equal axes', 'x [mm]', 'y [mm]', [
-            way('', 1e3 * (points - np.array(it.scene.top)), BLUE, dots=True)], equal=True),
+            way('', 1e3 * (points - np.array(it.scene.surface.top)), BLUE, dots=True)],
+            equal=True),
         chart('Contacts against the true surface', 'way [mm]', 'outside [\u00b5m]', [
             line('', 1e3 * arc_length(points) if len(points) else [], 1e6 * off, BLUE)])]
 

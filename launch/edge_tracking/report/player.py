@@ -21,7 +21,7 @@ class Shown(NamedTuple):
     run: RunData
     summary: dict[str, Any]
     scene: Any = None  # Scene
-    real: Any = None  # Truth
+    real: Any = None  # Course
 
 
 class Stage(NamedTuple):

@@ -30,7 +30,6 @@ LAW_HELP = f'servo law; default: {law_for("track_edge")} for an edge, ' \
     f'{law_for("track_surface")} for a surface'
 PATTERNS = (Pattern.LINE, Pattern.RASTER, Pattern.SPIRAL)
 SEED = between(0, 2**32 - 1, kind=int)
-CLIENT_TIMEOUT = 1.0  # s, default of `track`; used with faults
 SIZE, STEP_OVER = (0.06, 0.06), 0.006  # m, of a raster or spiral
 NODE = '/tactile/edge_servo'  # node whose parameters are read from a file
 
@@ -89,18 +88,16 @@ def goal_of(options: argparse.Namespace, scene: Any) -> EdgeGoal | SurfaceGoal:
         raise ConfigurationError(
             f'--{name.replace("_", "-")} does not apply to {scene.name}: there a servo '
             f'is asked for {scene.action}')
-    timeout = CLIENT_TIMEOUT if options.fault else 0.0
     if scene.action == 'track_edge':
         closed = scene.closed and not options.length and LAWS[options.law].closes_contours
         return EdgeGoal(options.speed, options.force, options.direction or 1, options.length,
-                        closed=closed, client_timeout=timeout)
+                        closed=closed)
     angle = np.radians(90.0 if options.heading is None else options.heading)
     pattern = Pattern[(options.pattern or 'line').upper()]
     return SurfaceGoal(
         options.speed, options.force, pattern, (float(np.cos(angle)), float(np.sin(angle)), 0.0),
         (options.length or LINE_LENGTH) if pattern is Pattern.LINE else 0.0,
-        size=tuple(options.size or SIZE), step_over=options.step_over or STEP_OVER,
-        client_timeout=timeout)
+        size=tuple(options.size or SIZE), step_over=options.step_over or STEP_OVER)
 
 
 def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:
@@ -139,26 +136,19 @@ def law_of(options: argparse.Namespace, scene: Scene) -> str:
     return law_for(scene.action, options.law or named)
 
 
-def run(options: argparse.Namespace) -> tuple[Simulation, dict[str, Any]]:
-    """Simulate with the options; return Simulation and summary."""
-    scene = load_scene(options.scene)
-    options.law = law_of(options, scene)
-    goal = goal_of(options, scene)
-    simulation = simulation_of(options, scene)
-    begin = time.perf_counter()
-    simulation.run(goal, options.timeout)
-    summary = simulation.summary(goal, time.perf_counter() - begin)
-    if options.plot:
-        from tactile_simulation.plot import draw  # matplotlib takes a second to import
-        draw(simulation, options.plot)
-    return simulation, summary
-
-
 def main(argv: list[str] | None = None) -> int:
     """Run the command; exit status 0 only if the goal was met."""
     with refusing('simulate') as command:
         options = parser().parse_args(argv)
-        _, summary = run(options)
+        scene = load_scene(options.scene)
+        options.law = law_of(options, scene)
+        goal, simulation = goal_of(options, scene), simulation_of(options, scene)
+        begin = time.perf_counter()
+        simulation.run(goal, options.timeout)
+        summary = simulation.summary(goal, time.perf_counter() - begin)
+        if options.plot:
+            from tactile_simulation.plot import draw  # matplotlib takes a second to import
+            draw(simulation, options.plot)
         print(to_json(summary) if options.json else describe(summary))
         command.status = 0 if summary['ok'] else 1
     return command.status
