@@ -6,7 +6,6 @@ from tactile_servo.motion.robot import RobotModel
 
 TURN_RATE = 4.0  # rad/s
 TURN_ACCELERATION = 20.0  # rad/s^2
-END_MARGIN = 0.01  # m or rad, end of a joint's travel that the limits exclude
 
 _JOINT = """
   <joint name="{name}" type="{type}">
@@ -18,8 +17,13 @@ _JOINT = """
 _AXES = {'x': '1 0 0', 'y': '0 1 0', 'z': '0 0 1'}
 
 
-def gantry_urdf(turn_rate: float) -> str:
-    """Return the URDF: three slides along the base's axes, then yaw, pitch and roll of the pad."""
+def gantry(acceleration: float, turn_rate: float = TURN_RATE) -> tuple[RobotModel, JointLimits]:
+    """
+    Return a robot of three slides along the base's axes, then yaw, pitch and roll of the pad.
+
+    `acceleration` [m/s^2] is that of the slides, `turn_rate` [rad/s] that of the wrist, which
+    accelerates with `TURN_ACCELERATION`.
+    """
     slide = {'type': 'prismatic', 'reach': 1.0, 'speed': 0.5}  # m, m/s
     turn = {'type': 'revolute', 'reach': 20.0, 'speed': turn_rate}  # rad, rad/s
     parent, joints = 'base', ''
@@ -30,20 +34,10 @@ def gantry_urdf(turn_rate: float) -> str:
             roll=np.pi if name == 'turn_z' else 0.0,
             **(slide if name.startswith('slide') else turn))
         parent = f'{name}_link'
-    return f"""<robot name="gantry"><link name="base"/>{joints}
+    model = RobotModel.from_urdf(f"""<robot name="gantry"><link name="base"/>{joints}
   <joint name="pad" type="fixed"><parent link="{parent}"/><child link="tactile_pad"/></joint>
-  <link name="tactile_pad"/></robot>"""
-
-
-def gantry(acceleration: float, turn_rate: float = TURN_RATE) -> tuple[RobotModel, JointLimits]:
-    """
-    Return the RobotModel and JointLimits of the gantry.
-
-    `acceleration` [m/s^2] is that of the slides, `turn_rate` [rad/s] that of the wrist, which
-    accelerates with `TURN_ACCELERATION`. The limits exclude `END_MARGIN` of the travel.
-    """
-    model = RobotModel.from_urdf(gantry_urdf(turn_rate), 'tactile_pad')
+  <link name="tactile_pad"/></robot>""", 'tactile_pad')
     limits = JointLimits(
-        model.joint_names, model.lower + END_MARGIN, model.upper - END_MARGIN,
-        model.velocity_limit, np.array([acceleration] * 3 + [TURN_ACCELERATION] * 3))
+        model.joint_names, model.lower, model.upper, model.velocity_limit,
+        np.array([acceleration] * 3 + [TURN_ACCELERATION] * 3))
     return model, limits

@@ -1,13 +1,11 @@
 """
 Simulated robot: a joint_trajectory_controller, and joints that lag behind it.
 
-The controller samples in the same way as that of ros2_controllers 4 and 5 (Jazzy, Kilted) with
-position command interfaces (joint_trajectory_controller.cpp, trajectory.cpp), including the
-transitions between trajectories. At time t it commands the trajectory's state one period later.
-Where a new trajectory is joined to that command, it treats the command as the state at time t. A
-trajectory whose first point is in the past is played unchanged. Unlike the real one it plays only
-trajectories like those of the servo, whose points have positions and velocities, and rejects
-numbers that are not finite.
+The controller samples as that of ros2_controllers 4 and 5 (Jazzy, Kilted) with position command
+interfaces (joint_trajectory_controller.cpp, trajectory.cpp). At time t it commands the
+trajectory's state one period later. Where a new trajectory is joined to that command, it treats
+the command as the state at time t. A trajectory whose first point is in the past is played
+unchanged. Unlike the real one it plays only finite positions with velocities.
 """
 from bisect import bisect_right
 from collections import deque
@@ -32,11 +30,10 @@ class Late(Rejected):
 
 class Spline:
     """
-    Cubic polynomials through the points of a trajectory, from a state (2 or 3, n) on.
+    Cubic polynomials from a state (2 or 3, n) at a time [s] through the points of a trajectory.
 
-    The state is that at the time `before` [s]; the times of the trajectory are relative to `start`
-    [s]. After the end the state stays at the last point. A first point that is not in the future
-    is reached at once.
+    The times of the trajectory are relative to `start` [s]. After the end the state stays at the
+    last point. A first point that is not in the future is reached at once.
     """
 
     def __init__(self, before: float, state: np.ndarray, start: float, trajectory: Trajectory):
@@ -49,14 +46,14 @@ class Spline:
         index = bisect_right(self._times, now, lo=1)  # of the segment's end
         if index == len(self._times):
             last = self._positions[-1]
-            return np.stack([last, np.zeros_like(last), np.zeros_like(last)])
+            return np.array([last, np.zeros_like(last), np.zeros_like(last)])
         begin, end = self._times[index - 1:index + 1]
         (p0, p1), (v0, v1) = (
             values[index - 1:index + 1] for values in (self._positions, self._velocities))
         span, u = end - begin, (now - begin) / (end - begin)
         mean = (p1 - p0) / span
         square, cube = 3.0 * mean - 2.0 * v0 - v1, v0 + v1 - 2.0 * mean
-        return np.stack([p0 + span * u * (v0 + u * (square + u * cube)),
+        return np.array([p0 + span * u * (v0 + u * (square + u * cube)),
                          v0 + u * (2.0 * square + 3.0 * u * cube),
                          (2.0 * square + 6.0 * u * cube) / span])
 
@@ -70,7 +67,8 @@ class MockController:
     robot : RobotModel
         Its joint names, position and velocity limits are used.
     positions : array_like (n,)
-        Positions of the joints until a trajectory arrives [rad or m].
+        Positions of the joints until a trajectory arrives [rad or m]. A ConfigurationError is
+        raised if they are not one for each joint, within its limits.
     plant : Plant
         Dead time and lag of the joints.
     rate : float
@@ -83,15 +81,8 @@ class MockController:
     ----------
     commanded : ndarray (3, n)
         Position, velocity and acceleration commanded by the newest step.
-    active : bool
-        True if trajectories are accepted; see `activate`.
     limit_violations : int
         Number of steps whose command was clamped to a position or velocity limit.
-
-    Raises
-    ------
-    ConfigurationError
-        The positions are not one for each joint, or outside its limits.
     """
 
     def __init__(self, robot: Any, positions: Any, plant: Plant, *, rate: float = RATE,
@@ -107,39 +98,30 @@ class MockController:
                     f'initial positions: {name} = {q:.6g}, must be within {low:.6g}..{high:.6g}')
         self._from_desired, self._period = from_desired, 1.0 / rate
         self._joints = DelayedLag(start, plant.dead_time, plant.lag)
-        self.limit_violations, self.active = 0, True
+        self.limit_violations, self._active = 0, True
         self._restart(start)
 
     def _restart(self, positions):
         self._time: float | None = None
         self._command = positions
-        self._hold()
-
-    def _hold(self):
-        self._spline: Spline | None = None
-        self._pending: Trajectory | None = None
-        self.commanded = np.stack([self._command, *np.zeros((2, len(self._command)))])
+        self.activate(self._active)
 
     def activate(self, active: bool) -> None:
         """
-        Accept trajectories, or stop accepting them, as when a controller manager switches.
+        Accept trajectories, or drop them, as when a controller manager switches.
 
         In both cases the robot stops at once at its last commanded position.
         """
-        self.active = active
-        self._hold()
+        self._active = active
+        self._spline: Spline | None = None
+        self._pending: Trajectory | None = None
+        self.commanded = np.array([self._command, *np.zeros((2, len(self._command)))])
 
     def accept(self, trajectory: Trajectory, now: float) -> None:
         """
-        Execute a trajectory from the next step on, or raise an error and change nothing.
+        Execute a trajectory from the next step on, or raise Rejected and change nothing.
 
-        `now` is the time of the clock of its stamp [s]. A controller that is not active checks
-        the trajectory and drops it.
-
-        Raises
-        ------
-        Rejected
-            The message contains the reason.
+        `now` is the time of the clock of its stamp [s].
         """
         names, times = trajectory.joint_names, trajectory.times
         if names != self._robot.joint_names:
@@ -157,7 +139,7 @@ class MockController:
         end = 1e-9 * trajectory.stamp_ns + times[-1]
         if trajectory.stamp_ns and end < now:
             raise Late(f'the trajectory has ended {now - end:.6f} s ago')
-        if self.active:
+        if self._active:
             self._pending = trajectory
 
     def step(self, now: float) -> tuple[np.ndarray, np.ndarray]:
@@ -174,7 +156,12 @@ class MockController:
         measured = self._joints.advance(now)
         elapsed = self._period if self._time is None else now - self._time
         if self._pending is not None:
-            self._take_over(self._pending, now, measured)
+            before, state = now, np.array(measured)
+            if self._from_desired:
+                # The command for one period after the last step counts as the state at that step.
+                before, state = now if self._time is None else self._time, self.commanded
+            start = 1e-9 * self._pending.stamp_ns or now
+            self._spline, self._pending = Spline(before, state, start, self._pending), None
         if self._spline is not None:
             self.commanded = self._spline.sample(now + self._period)
         self._time = now
@@ -196,14 +183,6 @@ class MockController:
     def measured(self, now: float) -> tuple[np.ndarray, np.ndarray]:
         """Return positions and velocities (n,) of the joints at a time after the last step [s]."""
         return self._joints.advance(now)
-
-    def _take_over(self, trajectory, now, measured):
-        self._pending = None
-        before, state = now, np.array(measured)
-        if self._from_desired:
-            # The command for one period after the last step counts as the state at that step.
-            before, state = now if self._time is None else self._time, self.commanded
-        self._spline = Spline(before, state, 1e-9 * trajectory.stamp_ns or now, trajectory)
 
     def _limited(self, wanted, elapsed):
         """Return the command (n,) within the limits; count the step if they changed it."""

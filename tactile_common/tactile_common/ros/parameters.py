@@ -72,17 +72,10 @@ def _descriptor(metadata: Mapping, kind: Any) -> ParameterDescriptor:
         description=text, read_only=not metadata.get('live', False), dynamic_typing=True)
     if 'choices' in metadata:
         descriptor.additional_constraints = f'one of {", ".join(map(str, metadata["choices"]))}'
-    if 'range' in metadata and kind in (int, float):
-        low, high = metadata['range']
-        if kind is float:
-            descriptor.floating_point_range = [
-                FloatingPointRange(from_value=float(low), to_value=float(high))]
-        else:
-            descriptor.integer_range = [
-                IntegerRange(from_value=_integer(low), to_value=_integer(high))]
+    if 'range' in metadata and kind is float:
+        low, high = map(float, metadata['range'])
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    elif 'range' in metadata and kind is int:  # of 64 bits
+        low, high = (int(min(max(bound, -2**63), 2**63 - 1)) for bound in metadata['range'])
+        descriptor.integer_range = [IntegerRange(from_value=low, to_value=high)]
     return descriptor
-
-
-def _integer(bound: float) -> int:
-    """Limit the bound of an integer parameter to 64 bits."""
-    return int(min(max(bound, -2**63), 2**63 - 1))

@@ -132,10 +132,6 @@ def _on_signals(handler: Callable[..., Any]) -> Iterator[None]:
             signal.signal(number, before)
 
 
-def _end_at_once(*_: Any) -> None:
-    os._exit(int(os.environ.get(INTERRUPTED, 0)))
-
-
 def run(node_class: Any, args: list[str] | None = None,
         until: Callable[[Any], bool] | None = None,
         on_stop: Callable[[Any], None] | None = None) -> int:
@@ -161,7 +157,7 @@ def run(node_class: Any, args: list[str] | None = None,
         except RuntimeError as error:  # a ROS argument or a parameter file that rcl cannot read
             return _refuse(node_class, error)
         try:
-            with _on_signals(_end_at_once):
+            with _on_signals(lambda *_: os._exit(int(os.environ.get(INTERRUPTED, 0)))):
                 node = node_class(context=context)
         except (ValueError, NameValidationException, ParameterException) as error:
             # The context destroys the incomplete node, which may lack attributes that this needs.

@@ -69,17 +69,13 @@ class MockSensorNode(TactileNode):
         self._in_step = False  # True if the listener has the next frame's preamble
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
-        try:
-            self._config = declare_from(self, MockSensorConfig)
-            self._device = protocol_named(self._config.protocol).device(
-                **options_of(self._config.protocol, self._config.options))
-            self._lock = threading.Lock()  # protects the poses, which a callback writes
-            self._period = 1.0 / self._config.rate
-            self._open_scene(self._config)
-            self._port = PseudoTerminal(self._config.port)
-        except BaseException:
-            self.destroy_node()
-            raise
+        config = declare_from(self, MockSensorConfig)
+        self._device = protocol_named(config.protocol).device(
+            **options_of(config.protocol, config.options))
+        self._lock = threading.Lock()  # protects the poses, which a callback writes
+        self._period = 1.0 / config.rate
+        self._open_scene(config)
+        self._port = PseudoTerminal(config.port)
         self._thread = threading.Thread(target=self._run, name='mock_sensor', daemon=True)
         self._thread.start()
 
