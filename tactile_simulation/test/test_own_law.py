@@ -9,7 +9,7 @@ from tactile_servo.laws.registry import LAWS, Row
 from tactile_servo.laws.surface_goal import SurfaceGoal
 from tactile_simulation.closed_loop import Simulation
 
-RADIUS, FORCE = 0.015, 4.0
+RADIUS, FORCE = 0.008, 4.0
 
 
 @pytest.fixture

@@ -59,11 +59,12 @@ def simulated(urdf, tip, start, folder, capsys, speed='0.05'):
 
 @pytest.mark.parametrize('name, near', [
     ('puma260', (-0.5, 0.5, -2.7, 0.0, -1.0, -0.5)),
-    ('puma260', (-0.5, 0.5, -2.7, -3.1, 1.0, 2.6)),
     ('ur5_robot', (-0.5, 0.4, -2.3, 0.4, -1.6, 1.1)),
-    ('ur5_robot', (-0.5, -1.3, 1.9, 1.0, 1.6, -2.0)),
     ('panda', (-1.9, 1.3, 1.5, -2.7, -1.5, 1.9, -2.4)),
-    ('panda', (1.3, -0.5, -1.7, -2.8, -1.0, 2.6, -2.6))])
+    *(pytest.param(*it, marks=pytest.mark.long) for it in (
+        ('puma260', (-0.5, 0.5, -2.7, -3.1, 1.0, 2.6)),
+        ('ur5_robot', (-0.5, -1.3, 1.9, 1.0, 1.6, -2.0)),
+        ('panda', (1.3, -0.5, -1.7, -2.8, -1.0, 2.6, -2.6))))])
 def test_course_is_tracked(name, near, tmp_path, capsys):
     urdf, tip = robot(name)
     start = model_of(urdf, tip).inverse(POSE, near)
@@ -87,7 +88,7 @@ def test_course_is_tracked_by_six_joints_from_a_limit(name, near, joint, tmp_pat
     assert summary['ok'] and summary['lateral_max'] <= LARGEST, summary['reason']
 
 
-@pytest.mark.parametrize('speed', ['0.03', '0.2'])
+@pytest.mark.parametrize('speed', [pytest.param('0.03', marks=pytest.mark.long), '0.2'])
 def test_a_joint_that_runs_out_is_named_and_presses_nothing(speed, tmp_path, capsys):
     """The other five cannot do without the first one on the way round."""
     urdf, tip = robot('puma260')
@@ -100,7 +101,8 @@ def test_a_joint_that_runs_out_is_named_and_presses_nothing(speed, tmp_path, cap
     assert summary['force_max'] < 9.5 and summary['force_end'] == 0.0
 
 
-@pytest.mark.parametrize('joint', [0, 4, 6])
+@pytest.mark.parametrize('joint', [
+    *(pytest.param(joint, marks=pytest.mark.long) for joint in (0, 4)), 6])
 def test_course_is_tracked_by_seven_joints_from_a_limit(joint, tmp_path, capsys):
     """The limits are the robot's own; the other joints solve for the start."""
     urdf, tip = robot('panda')
@@ -127,8 +129,9 @@ def arm_of_seven(heights=(0.0, 0.34, 0.0, 0.532, 0.0, 0.4, 0.0)):
 
 @pytest.mark.parametrize('near', [
     (2.955, -0.748, 0.026, -2.393, -1.547, -0.018, -1.762),
-    (-0.181, 0.748, 0.02, 2.393, -1.539, 0.013, 1.372),
-    (-0.11, 0.749, -0.075, 2.393, -1.579, -0.051, 1.413)])
+    *(pytest.param(near, marks=pytest.mark.long) for near in (
+        (-0.181, 0.748, 0.02, 2.393, -1.539, 0.013, 1.372),
+        (-0.11, 0.749, -0.075, 2.393, -1.579, -0.051, 1.413)))])
 def test_a_singular_wrist_leads_off_no_edge(near, tmp_path, capsys):
     urdf = arm_of_seven()
     model = model_of(urdf, 'pad')

@@ -108,7 +108,8 @@ def paused_at(progress, name='sphere_126'):
     return deepcopy(_paused(name, progress))
 
 
-@pytest.mark.parametrize('name, progress', [('cylinder_65', 0.01), ('sphere_70', 0.03)])
+@pytest.mark.parametrize('name, progress', [
+    ('cylinder_65', 0.01), pytest.param('sphere_70', 0.03, marks=pytest.mark.long)])
 def test_a_stop_that_leads_off_a_small_object_is_made_good(name, progress):
     simulation = paused_at(progress, name)
     paused = len(simulation.log)
@@ -127,7 +128,9 @@ def test_a_short_silence_of_the_images_ends_by_itself():
     simulation = loop_of('sphere_126')
     simulation.run(GOAL, 20.0, until=lambda status: status.progress > 0.03)
     simulation.sensor_alive = False
-    assert simulation.run(None, 0.15).state == State.HOLD
+    status = simulation.run(None, 0.2)
+    assert status.state == State.HOLD and status.reason.code == ReasonCode.STALE_IMAGE
+    assert not status.twist.any()
     simulation.sensor_alive = True
     assert simulation.run(None, 20.0).reason.code == ReasonCode.LENGTH_REACHED
     assert max(cycle.force for cycle in simulation.log) < 1.1 * FORCE
@@ -229,7 +232,8 @@ def hear_late(simulation, lateness, what, begin, seconds=0.3):
             lambda then: contact(one, stamp, then), now)
 
 
-@pytest.mark.parametrize('what', ['joint states', 'pictures', 'everything'])
+@pytest.mark.parametrize('what', [
+    pytest.param('joint states', marks=pytest.mark.long), 'pictures', 'everything'])
 @pytest.mark.parametrize('law', ['surface', 'edge'])
 def test_what_comes_late_as_it_touches_adds_little_force(law, what):
     for before in (0.1, 0.0):
