@@ -30,7 +30,7 @@ from tactile_simulation.world import Course
 STEP = 2.5e-3  # s; control at 400 Hz
 PICTURE_EVERY = 2  # steps; sensing at 200 Hz
 ROBOT_STEP, ROBOT_PHASE = 2.0e-3, 0.25e-3  # s; joint states and the robot's controller at 500 Hz
-TRANSPORT = 0.5e-3  # s; from a control cycle to the robot's controller
+TRANSPORT = 0.5e-3  # s; from a control cycle to the robot's controller, without faults
 TARE_FRAMES = 100
 WEIGHT = np.array([0.3, -0.2, 4.0])  # N, weight of the tool
 
@@ -70,7 +70,7 @@ class Simulation:
     clock : callable, optional
         Returns seconds; if given, the servo's computation time is measured with it.
     faults : sequence of Fault
-        Faults of the sensor, from the start of the goal on.
+        Faults during a goal.
     wrist : bool
         True if the robot has a force sensor at its wrist, which also measures 4 N of the tool.
 
@@ -161,13 +161,16 @@ class Simulation:
             self.servo.see_contact(contact, image.stamp_ns, self.now)
             self.picture_costs.append(self._clock() - before)
             self._feel(self._path.add_contact(image.stamp_ns, contact, picture=image))
+        if self._faults.client_lives(self.now - self._began):
+            self.servo.hear_client()
         if self.wrist:
             self.servo.see_wrench(WEIGHT + self.world.force(pose) * pose[:3, 2], self.now)
         before = self._clock()
         status, trajectory = self.servo.cycle(self.now, now_ns)
         self.cycle_costs.append(self._clock() - before)
         if trajectory is not None:
-            self._windows.append((self.now + self.transport, trajectory))
+            late = self._faults.delay(self.now - self._began)
+            self._windows.append((self.now + self.transport + late, trajectory))
         self.log.append(Cycle(self.now, status, pose, self.world.force(pose),
                               self.world.shift))
         return status

@@ -1,4 +1,4 @@
-"""Faults of a simulated sensor."""
+"""Faults of a simulation: wrong sensor readings, late windows, a silent client."""
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
@@ -12,14 +12,19 @@ from tactile_simulation.sensor import Sensor
 # Description of each kind and the unit of its value, or None if it takes no value.
 KINDS: dict[str, tuple[str, str | None]] = {
     'zero': ('reads its tare, as a skin that was unplugged after it', None),
+    'dead': ('as `zero`', None),
     'half_dead': ('half of the columns read their tare', None),
     'middle_dead': ('the middle half of the columns reads its tare', None),
     'frozen': ('the same image again and again, with stamps that run on', None),
     'fade': ('the gain falls to nothing within SECONDS', None),
     'gain': ('the gain is multiplied by VALUE', '1'),
     'drift': ('all readings drift by VALUE', 'Pa/s'),
+    'late': ('windows reach the robot later by VALUE', 's'),
+    'stale_client': ('the client of the goal falls silent', None),
 }
-DEAD = {'zero': (0.0, 1.0), 'half_dead': (0.0, 0.5), 'middle_dead': (0.25, 0.75)}  # columns
+# Share of the columns at which a dead part begins and ends
+DEAD = {'zero': (0.0, 1.0), 'dead': (0.0, 1.0), 'half_dead': (0.0, 0.5),
+        'middle_dead': (0.25, 0.75)}
 FORM = 'KIND@T[:SECONDS][=VALUE]'
 _NUMBER = r'[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?'
 _SYNTAX = re.compile(rf'(\w+)@({_NUMBER})(?::({_NUMBER}))?(?:=({_NUMBER}))?')
@@ -59,7 +64,7 @@ class Fault:
 
 
 class Faults:
-    """What the faults do to the images; `at` is the time since the start of the goal [s]."""
+    """What the faults do to a simulation; `at` is the time since the start of the goal [s]."""
 
     def __init__(self, faults: Sequence[Fault], sensor: Sensor):
         self._faults, self._sensor = faults, sensor
@@ -88,6 +93,16 @@ class Faults:
         self._sent = np.clip(np.rint(read + sensor.baseline), 0, (1 << sensor.bits) - 1).astype(
             counts.dtype)
         return self._sent
+
+    def delay(self, at: float) -> float:
+        """Return the additional delay of a window that is sent now [s]."""
+        return sum(fault.value for fault in self._faults
+                   if fault.kind == 'late' and fault.acts(at))
+
+    def client_lives(self, at: float) -> bool:
+        """Return True if the goal's client sends heartbeats; without faults there is none."""
+        return bool(self._faults) and not any(
+            fault.kind == 'stale_client' and fault.acts(at) for fault in self._faults)
 
 
 def describe_faults() -> str:

@@ -192,7 +192,7 @@ def test_reports_of_a_faulty_sensor():
         return Faults([Fault.of(fault)], sensor).counts(counts, at)
 
     assert (report('zero@1', 0.9) == counts).all() and (report('zero@1', 1.0) == 10).all()
-    assert (report('zero@1:1', 2.0) == counts).all()
+    assert (report('dead@1:1', 2.0) == counts).all()
     assert (report('gain@0=0.5', 1.0) == 60).all() and (report('fade@0:2', 1.0) == 60).all()
     assert (report('fade@0:2', 5.0) == 10).all()
     assert (report('half_dead@0', 0.0)[0] == [10] * 4 + [110] * 4).all()
@@ -201,6 +201,13 @@ def test_reports_of_a_faulty_sensor():
     frozen = Faults([Fault.of('frozen@1')], sensor)
     frozen.counts(counts, 0.5)
     assert (frozen.counts(counts + 5, 1.5) == counts).all()
+
+
+def test_windows_come_late_and_a_client_falls_silent():
+    faults = Faults([Fault.of('late@1=0.02'), Fault.of('stale_client@2')], Sensor())
+    assert [faults.delay(at) for at in (0.9, 1.0)] == [0.0, 0.02]
+    assert faults.client_lives(1.9) and not faults.client_lives(2.0)
+    assert not Faults([], Sensor()).client_lives(0.0)  # without faults there is no client
 
 
 @pytest.mark.parametrize('text, told', [

@@ -29,6 +29,7 @@ from tactile_simulation.world import Scene
 LAW_HELP = f'servo law; default: {law_for("track_edge")} for an edge, ' \
     f'{law_for("track_surface")} for a surface'
 PATTERNS = (Pattern.LINE, Pattern.RASTER, Pattern.SPIRAL)
+CLIENT_TIMEOUT = 1.0  # s, default of `track`; used with faults
 SEED = between(0, 2**32 - 1, kind=int)
 SIZE, STEP_OVER = (0.06, 0.06), 0.006  # m, of a raster or spiral
 NODE = '/tactile/edge_servo'  # node whose parameters are read from a file
@@ -88,16 +89,18 @@ def goal_of(options: argparse.Namespace, scene: Any) -> EdgeGoal | SurfaceGoal:
         raise ConfigurationError(
             f'--{name.replace("_", "-")} does not apply to {scene.name}: there a servo '
             f'is asked for {scene.action}')
+    timeout = CLIENT_TIMEOUT if options.fault else 0.0
     if scene.action == 'track_edge':
         closed = scene.closed and not options.length and LAWS[options.law].closes_contours
         return EdgeGoal(options.speed, options.force, options.direction or 1, options.length,
-                        closed=closed)
+                        closed=closed, client_timeout=timeout)
     angle = np.radians(90.0 if options.heading is None else options.heading)
     pattern = Pattern[(options.pattern or 'line').upper()]
     return SurfaceGoal(
         options.speed, options.force, pattern, (float(np.cos(angle)), float(np.sin(angle)), 0.0),
         (options.length or LINE_LENGTH) if pattern is Pattern.LINE else 0.0,
-        size=tuple(options.size or SIZE), step_over=options.step_over or STEP_OVER)
+        size=tuple(options.size or SIZE), step_over=options.step_over or STEP_OVER,
+        client_timeout=timeout)
 
 
 def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:
