@@ -59,7 +59,7 @@ class BallPress:
         """Return frames (count, rows, columns) of the unloaded pad."""
         return np.array(self._read(np.zeros(self._array.shape), count))
 
-    def _read(self, pressure, count):
+    def _read(self, pressure: np.ndarray, count: int) -> list[np.ndarray]:
         frames = []
         for _ in range(count):
             self._now += PERIOD

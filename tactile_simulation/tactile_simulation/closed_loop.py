@@ -1,5 +1,6 @@
 """Closed loop without ROS: scene, sensor, estimator, servo and robot on one clock."""
 from collections import deque
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby
@@ -10,22 +11,26 @@ import numpy as np
 
 from tactile_common.errors import TactileError
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.types.image import TactileImage
+from tactile_sensing.devices.calibration import Convert
+from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig
+from tactile_servo.law import Goal
 from tactile_servo.laws.registry import law_for, LAWS, make_law
+from tactile_servo.motion.limits import JointLimits, WorkspaceBox
+from tactile_servo.motion.robot import RobotModel
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.track_statistics import SETTLING_LENGTH
-from tactile_servo.types import ON_TRACK
-from tactile_shape.contour.contact_path import ContactPath
+from tactile_servo.types import ON_TRACK, Status
+from tactile_shape.contour.contact_path import ContactPath, Placed
 from tactile_shape.contour.outline import find_outline, Outline
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.shape_estimator import ShapeEstimator
-from tactile_simulation.faults import Faults
+from tactile_simulation.faults import Fault, Faults
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import Late, MockController
 from tactile_simulation.metrics import accelerations, judged, measure, NAN, percentile
 from tactile_simulation.scene_calibration import calibration_of
-from tactile_simulation.world import Course
+from tactile_simulation.world import Course, Scene
 
 STEP = 2.5e-3  # s; control at 400 Hz
 PICTURE_EVERY = 2  # steps; sensing at 200 Hz
@@ -94,9 +99,13 @@ class Simulation:
     sensor_rate = 1.0 / (STEP * PICTURE_EVERY)
     supervisor: Any = Supervisor
 
-    def __init__(self, scene, law=None, *, seed=0, latency=None, config=None,
-                 settings=None, robot=None, seed_positions=None, workspace=None, estimator=None,
-                 clock=None, faults=(), wrist=False):
+    def __init__(self, scene: Scene, law: str | None = None, *, seed: int = 0,
+                 latency: float | None = None, config: ServoConfig | None = None,
+                 settings: Any = None, robot: tuple[RobotModel, JointLimits] | None = None,
+                 seed_positions: np.ndarray | None = None, workspace: WorkspaceBox | None = None,
+                 estimator: EstimatorConfig | None = None,
+                 clock: Callable[[], float] | None = None, faults: Sequence[Fault] = (),
+                 wrist: bool = False):
         self.scene, plant = scene, scene.plant
         self.rng = np.random.default_rng(seed)
         self.array, self.seed = scene.sensor.array, seed
@@ -129,13 +138,13 @@ class Simulation:
         self._clock = clock or (lambda: 0.0)
         self.cycle_costs, self.picture_costs = [], []
 
-    def _tared(self):
+    def _tared(self) -> tuple[Convert, SensorInfo]:
         calibration = calibration_of(self.scene)
         tare = calibration.make_tare(np.array(
             [self.world.counts(None, self.rng) for _ in range(TARE_FRAMES)]))
         return calibration.converter(tare), calibration.sensor_info('pad', '', 0, tare)
 
-    def picture(self, pose):
+    def picture(self, pose: np.ndarray) -> TactileImage:
         """Return the TactileImage at a pose."""
         counts = self.world.counts(pose, self.rng, self.now)
         layer, saturated = self._convert(self._faults.counts(counts, self.now - self._began))
@@ -143,7 +152,7 @@ class Simulation:
         return TactileImage(stamp_ns, self.tick, (layer,), self.array, tared=True,
                             saturated=saturated)
 
-    def step(self):
+    def step(self) -> Status:
         """Advance by STEP and return the status of the control cycle."""
         self.tick += 1
         self.now = 1.0 + self.tick * STEP
@@ -175,7 +184,7 @@ class Simulation:
                               self.world.shift))
         return status
 
-    def _feel(self, placed):
+    def _feel(self, placed: Iterable[Placed]) -> None:
         for contact in placed:
             self.shape.take(contact)
 
@@ -186,7 +195,7 @@ class Simulation:
             return find_outline(self.shape.model.contour)
         return None
 
-    def _run_robot(self):
+    def _run_robot(self) -> None:
         """Run the robot's controller until now, and pass its joint states to the servo."""
         while (now := 1.0 + ROBOT_PHASE + len(self.commands) * ROBOT_STEP) <= self.now:
             while self._windows and self._windows[0][0] <= now:
@@ -200,7 +209,8 @@ class Simulation:
                 self.servo.see_reference(
                     self.robot.commanded[0], round((now + ROBOT_STEP) * 1e9))
 
-    def run(self, goal, seconds, until=None):
+    def run(self, goal: Goal | None, seconds: float,
+            until: Callable[[Status], bool] | None = None) -> Status:
         """
         Start a goal, if given, and step until it ends; return the last status.
 
@@ -241,7 +251,7 @@ class Simulation:
             felt = None if outline is None else outline.points
         return np.zeros((0, 3)) if felt is None else felt
 
-    def summary(self, goal, elapsed: float = NAN) -> dict[str, Any]:
+    def summary(self, goal: Goal, elapsed: float = NAN) -> dict[str, Any]:
         """
         Return the summary of a goal's run, with the keys and SI units of all commands.
 
@@ -267,6 +277,6 @@ class Simulation:
         return judged(numbers, servo.success, self.scene)
 
 
-def _state(status):
+def _state(status: Status) -> dict[str, str]:
     return {'state': status.state.name.lower(), 'reason': status.reason.text,
             'reason_code': status.reason.code.name.lower()}

@@ -5,6 +5,7 @@ from functools import cached_property
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.kernels import njit
@@ -24,7 +25,7 @@ class EdgePath:
     points: np.ndarray  # vertices (N >= 2, 3), successive ones are different [m]
     solid: np.ndarray | None = None  # (N - 1,): True if a chord has material; None: all
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         points = np.array(self.points, dtype=float)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
             raise ConfigurationError(f'points have shape {points.shape}, must be (N >= 2, 3)')
@@ -49,7 +50,7 @@ class EdgePath:
         """Length of the whole edge [m]."""
         return float(self.arclength[-1])
 
-    def point_at(self, s) -> np.ndarray:
+    def point_at(self, s: ArrayLike) -> np.ndarray:
         """Return points `s.shape + (3,)` [m] at arc lengths [m], clipped to the edge's ends."""
         return resample(self.points, self.arclength, np.ravel(s)).reshape(*np.shape(s), 3)
 
@@ -58,13 +59,13 @@ class EdgePath:
         s = np.linspace(0.0, self.length, math.ceil(self.length / ARC_STEP) + 1)
         return self.point_at(np.union1d(s, self.arclength))
 
-    def tangent_at(self, s) -> np.ndarray:
+    def tangent_at(self, s: ArrayLike) -> np.ndarray:
         """Return unit directions `s.shape + (3,)` at arc lengths [m]; at a corner the next one."""
         index = np.searchsorted(self.arclength[1:-1], s, side='right')
         chord = self.points[index + 1] - self.points[index]
         return chord / np.linalg.norm(chord, axis=-1, keepdims=True)
 
-    def nearest(self, points) -> tuple[np.ndarray, np.ndarray]:
+    def nearest(self, points: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """
         Project points (M, 3) of the base frame [m] onto the edge, seen from above.
 
@@ -82,7 +83,8 @@ class EdgePath:
 
 
 @njit(cache=True)
-def _nearest(points, vertices, stations):
+def _nearest(points: np.ndarray, vertices: np.ndarray,
+             stations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     lateral, along = np.empty(len(points)), np.empty(len(points))
     for m in range(len(points)):
         place = nearest_on_polyline(
@@ -112,8 +114,8 @@ def walk(start: Sequence[float], heading: float,
     return np.vstack([start, start + steps.T.cumsum(axis=0)])
 
 
-def lifted(plan: np.ndarray, z: float, height=((0.0, 0.0),),
-           wave: tuple[float, float] = (0.0, math.inf), gaps=()) -> EdgePath:
+def lifted(plan: np.ndarray, z: float, height: ArrayLike = ((0.0, 0.0),),
+           wave: tuple[float, float] = (0.0, math.inf), gaps: ArrayLike = ()) -> EdgePath:
     """
     Return the edge in space above its plan; it is closed if the plan ends where it begins.
 

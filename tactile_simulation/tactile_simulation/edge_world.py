@@ -47,7 +47,7 @@ class EdgeScene(Scene):
     start: Start = field(default_factory=Start)
     slip: Slip | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.start.s > self.edge.length:
             raise ConfigurationError(
                 f'start.s is {self.start.s}, must be at most the length of the edge, '
@@ -130,14 +130,14 @@ class EdgeWorld(World):
         self._slip(pose)
         return self._force(pose)
 
-    def _force(self, pose):
+    def _force(self, pose: np.ndarray) -> float:
         return force_on(self._points(pose), self.array, self.scene.skin, self.scene.edge.solid)
 
-    def _points(self, pose):
+    def _points(self, pose: np.ndarray) -> np.ndarray:
         # Rows are points, so the transpose of base -> sensor is needed: the rotation itself.
         return (self.scene.edge.points + (self.shift - pose[:3, 3])) @ pose[:3, :3]
 
-    def _slip(self, pose):
+    def _slip(self, pose: np.ndarray) -> None:
         edge, slip = self.scene.edge, self.scene.slip
         if slip is None or self.shift.any() or self._force(pose) <= 0.0:
             return

@@ -101,7 +101,7 @@ class MockController:
         self.limit_violations, self._active = 0, True
         self._restart(start)
 
-    def _restart(self, positions):
+    def _restart(self, positions: np.ndarray) -> None:
         self._time: float | None = None
         self._command = positions
         self.activate(self._active)
@@ -184,7 +184,7 @@ class MockController:
         """Return positions and velocities (n,) of the joints at a time after the last step [s]."""
         return self._joints.advance(now)
 
-    def _limited(self, wanted, elapsed):
+    def _limited(self, wanted: np.ndarray, elapsed: float) -> np.ndarray:
         """Return the command (n,) within the limits; count the step if they changed it."""
         reach, before = self._robot.velocity_limit * elapsed, self._command
         command = np.clip(wanted, self._robot.lower, self._robot.upper)
@@ -237,7 +237,7 @@ class DelayedLag:
                     self._knots.popleft()
         return self.position, self.velocity
 
-    def _follow(self, command, slope, time):
+    def _follow(self, command: np.ndarray, slope: np.ndarray, time: float) -> None:
         """Move for a time [s], at whose end the command that changes steadily is `command`."""
         if self._lag == 0.0:
             self.position, self.velocity = command, slope

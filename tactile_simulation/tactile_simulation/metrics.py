@@ -154,7 +154,8 @@ def judged(numbers: dict[str, Any], success: bool, scene: Scene) -> dict[str, An
     return {'ok': success and not objection, **numbers, 'reason': reason}
 
 
-def shown(summary: Mapping[str, Any], metrics=METRICS) -> Iterator[tuple[str, str, str]]:
+def shown(summary: Mapping[str, Any],
+          metrics: Sequence[Metric] = METRICS) -> Iterator[tuple[str, str, str]]:
     """Yield name, value and unit of every number that a summary contains and that is finite."""
     for row in metrics:
         value = summary.get(row.key)
@@ -195,7 +196,7 @@ def to_json(summary: Mapping[str, Any]) -> str:
     return json.dumps(_jsonable(summary), allow_nan=False)
 
 
-def _jsonable(value):
+def _jsonable(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): _jsonable(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):

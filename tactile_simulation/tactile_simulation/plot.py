@@ -1,4 +1,6 @@
 """Plot of a simulated run: every axis has a unit."""
+from typing import Any
+
 from matplotlib.figure import Figure
 import numpy as np
 
@@ -7,7 +9,7 @@ from tactile_simulation.metrics import largest
 BLUE, ORANGE, EDGE_COLOUR = '#1f5fa8', '#d4691e', '#c9cdd4'
 
 
-def draw(simulation, path) -> None:
+def draw(simulation: Any, path: str) -> None:
     """Draw the tracked object, the path over it, and errors or force; the suffix is the format."""
     figure = Figure(figsize=(10.0, 7.0), dpi=160, layout='constrained')
     (_edge if simulation.scene.action == 'track_edge' else _surface)(figure, simulation)
@@ -15,14 +17,14 @@ def draw(simulation, path) -> None:
     figure.savefig(path)
 
 
-def _label(axes, xlabel, ylabel, title=''):
+def _label(axes: Any, xlabel: str, ylabel: str, title: str = '') -> None:
     axes.set(xlabel=xlabel, ylabel=ylabel)
     axes.set_title(title, fontsize=11, loc='left')
     axes.grid(color='#e6e8ec')
     axes.set_axisbelow(True)
 
 
-def _edge(figure, simulation):
+def _edge(figure: Figure, simulation: Any) -> None:
     edge, truth = simulation.scene.edge, simulation.truth()
     plan, errors = figure.subplots(1, 2, width_ratios=(1, 1.6))
     outline = np.where(np.repeat(edge.solid, 2)[:, None], np.repeat(
@@ -47,7 +49,7 @@ def _edge(figure, simulation):
            f'Begins at {first[0]:+.2f} mm' if first.size else 'The edge was never touched')
 
 
-def _surface(figure, simulation):
+def _surface(figure: Figure, simulation: Any) -> None:
     truth, felt, surface = simulation.truth(), simulation.felt(), simulation.scene.surface
     *views, force = figure.subplots(1, 3)
     errors, places = 1e6 * surface.distance(felt), 1e3 * (felt - np.array(surface.top))

@@ -64,7 +64,7 @@ class PseudoTerminal:
         self._unsent = data[sent:] if sent else b''
         return sent > 0
 
-    def _put(self, data):
+    def _put(self, data: bytes) -> int:
         try:
             return os.write(self._master, data)
         except BlockingIOError:

@@ -55,7 +55,8 @@ def force_on(points: np.ndarray, array: TactelArray, skin: Skin,
     return float(skin.stiffness * indentation @ np.linalg.norm(chords, axis=1))
 
 
-def _loaded(points, solid, half_x, half_y):
+def _loaded(points: np.ndarray, solid: np.ndarray | None, half_x: float,
+            half_y: float) -> tuple[np.ndarray, np.ndarray]:
     """Return starts and chords (K, 3) of the parts in a rectangle and below the surface."""
     points = np.asarray(points, dtype=float)
     starts, chords = points[:-1], np.diff(points, axis=0)
@@ -75,7 +76,8 @@ def _loaded(points, solid, half_x, half_y):
     return starts[part] + first * chords, (last - first) * chords
 
 
-def _point_loads(starts, chords, skin):
+def _point_loads(starts: np.ndarray, chords: np.ndarray,
+                 skin: Skin) -> tuple[np.ndarray, np.ndarray]:
     """Return the places (L, 2) [m] and loads (L,) [N] of the Gauss points of chords."""
     length = np.linalg.norm(chords, axis=1)
     count = np.maximum(np.ceil(length / (PANEL * skin.depth)), 1).astype(int)
@@ -90,7 +92,7 @@ def _point_loads(starts, chords, skin):
 
 
 @lru_cache(maxsize=16)
-def _point_shape(skin, size_x, size_y):
+def _point_shape(skin: Skin, size_x: float, size_y: float) -> tuple[np.ndarray, np.ndarray]:
     """Return a point load's shape (see `skin.kernels`) and a tactel's sample points (N, 2)."""
     side, nodes = 0.0, np.zeros((1, 2))
     if size_x > 0.0 and size_y > 0.0:
@@ -99,7 +101,8 @@ def _point_shape(skin, size_x, size_y):
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
-def _add_points(pressure, x, y, nodes, shape, depth, places, loads):
+def _add_points(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, nodes: np.ndarray,
+                shape: np.ndarray, depth: float, places: np.ndarray, loads: np.ndarray) -> None:
     """Add the pressure of point loads [N] at places (L, 2) [m]."""
     of_f, centre = kernels.coefficients_of(shape), kernels.centre_of(depth)
     for k in range(len(loads)):

@@ -125,7 +125,7 @@ def _surface_scene(tree: Any, path: Path) -> SurfaceScene:
         sensor=_part(Sensor, values, 'sensor', SENSOR), **_common(values, path))
 
 
-def _common(values, path):
+def _common(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """Return the fields of a scene that do not depend on the touched object."""
     for key in ('name', 'description'):
         if not isinstance(values[key], str) or not values[key].strip():
@@ -140,7 +140,7 @@ def _common(values, path):
             'plant': _part(Plant, values, 'plant'), 'calibration': calibration}
 
 
-def _scaled(sensor, given, skin):
+def _scaled(sensor: Sensor, given: Mapping[str, Any], skin: Skin) -> Sensor:
     """Scale range and noise, if not given, to the peak of 5 N on the pad of a given array."""
     if not given.keys() & {'rows', 'columns', 'pitch_x', 'pitch_y'}:
         return sensor
@@ -172,7 +172,7 @@ def _edge(tree: Any) -> EdgePath:
     return lifted(plan, z, **more)
 
 
-def _elements(path):
+def _elements(path: Any) -> list[tuple[float, float]]:
     """Return length [m] and turn [rad] of the elements of a path, see `walk`."""
     if not isinstance(path, list) or not path:
         raise ConfigurationError(f'edge.path is {path!r}, must be a list of elements')
@@ -249,7 +249,7 @@ def _lengths(name: str, value: Any, count: int) -> tuple[float, ...]:
                  for index, item in enumerate(value))
 
 
-def _pairs(name, tree):
+def _pairs(name: str, tree: Any) -> np.ndarray:
     """Return a list of pairs of lengths as an array (N, 2) [m]."""
     if not isinstance(tree, list) or not tree:
         raise ConfigurationError(f'{name} is {tree!r:.60}, must be a list of pairs [m]')

@@ -22,7 +22,7 @@ class Skin:
     poisson: float = bounded(0.5, "Poisson's ratio; nothing depends on it without a backing", '',
                              0.0, 0.5)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_fields(self, 'skin.')
         try:
             _ = self.layer
@@ -65,7 +65,7 @@ class Sensor:
     pitch_x: float = bounded(0.0254 / 16, 'distance of the columns', 'm', 1e-5, 0.1)
     pitch_y: float = bounded(0.0254 / 16, 'distance of the rows', 'm', 1e-5, 0.1)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_fields(self, 'sensor.')
         if self.baseline >= 1 << self.bits:
             raise ConfigurationError(f'sensor.baseline is {self.baseline}, must be below '
@@ -118,7 +118,7 @@ class TactelResponse:
         return np.clip(counts, 0, self._counts.highest).astype(self._counts.dtype)
 
 
-def _around(pressure):
+def _around(pressure: np.ndarray) -> np.ndarray:
     """Sum the differences of the four neighbours to each tactel; none beyond the border."""
     padded = np.pad(pressure, 1, mode='edge')
     return (padded[:-2, 1:-1] + padded[2:, 1:-1] + padded[1:-1, :-2] + padded[1:-1, 2:]

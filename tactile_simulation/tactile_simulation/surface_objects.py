@@ -79,7 +79,7 @@ class StepShape:
         return np.minimum(_quarter(x, up), up - self.height)
 
 
-def _quarter(x, y):
+def _quarter(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return signed distances from the quadrant x <= 0 and y <= 0."""
     outside = np.hypot(np.maximum(x, 0.0), np.maximum(y, 0.0))
     return outside + np.minimum(np.maximum(x, y), 0.0)

@@ -56,7 +56,7 @@ class SurfaceScene(Scene):
     skin: Skin = field(init=False)
     sensor: Sensor = field(default=SENSOR, kw_only=True)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, 'skin', Skin(depth=self.dome.depth))
 
     def parameters(self) -> NodeParameters:
@@ -141,7 +141,7 @@ class SurfaceWorld(World):
         self._press(pose)
         return self._pressing
 
-    def _press(self, pose):
+    def _press(self, pose: np.ndarray) -> None:
         """Update the loads (N, 3) of the object on the skin points, in the sensor frame [N]."""
         if (pose == self._pose).all():
             return
@@ -163,7 +163,8 @@ class SurfaceWorld(World):
                 touched, points[touched], before)
         self._loads[touched] = loads
 
-    def _sliding(self, touched, points, before):
+    def _sliding(self, touched: np.ndarray, points: np.ndarray,
+                 before: np.ndarray) -> np.ndarray:
         """Return directions (K, 3) of the skin's sliding over the object, in the sensor frame."""
         was = self._operator.points[touched] @ before[:3, :3].T + before[:3, 3]
         moved = (points - was) @ self._pose[:3, :3]

@@ -110,10 +110,8 @@ def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:
     check_goal(options.speed, options.force, config)
     law = LAWS[options.law].law.config_type
     settings = file.config(NODE, law, own.servo)
-    robot = {'robot_description': options.robot or '', **(
-        {'tip_frame': options.tip} if options.tip else {})}
-    node = file.config(NODE, NodeConfig, robot)
-    model, limits, _ = robot_of(node) if options.robot else (None, None, None)
+    node = file.config(NODE, NodeConfig, {'robot_description': options.robot or '', **(
+        {'tip_frame': options.tip} if options.tip else {})})
     box = box_of(node)
     outside = box.beyond(scene.start_pose()[:3, 3])
     if outside.any():
@@ -121,8 +119,8 @@ def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:
                                  'of workspace.lower and workspace.upper')
     return Simulation(
         scene, options.law, seed=options.seed, latency=options.latency, config=config,
-        settings=settings, robot=model and (model, limits), seed_positions=options.start,
-        workspace=box, clock=time.perf_counter, faults=[
+        settings=settings, robot=robot_of(node)[:2] if options.robot else None,
+        seed_positions=options.start, workspace=box, clock=time.perf_counter, faults=[
             Fault.of(text) for text in options.fault], estimator=file.config(
             '/tactile/contact_estimator', EstimatorConfig, own.contact))
 

@@ -1,5 +1,6 @@
 """Simulated robot behind the topics of a joint_trajectory_controller."""
 from dataclasses import dataclass, field
+from typing import Any
 
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
@@ -45,7 +46,7 @@ class MockRobotNode(TactileNode):
         Number of rejected trajectories, and of those among them that arrived too late.
     """
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any):
         super().__init__('mock_robot', **kwargs)
         config = declare_from(self, MockRobotConfig)
         self.robot = RobotModel.from_urdf(config.robot_description, config.tip_frame)
@@ -63,7 +64,7 @@ class MockRobotNode(TactileNode):
             QoSProfile(depth=10))
         self.create_timer(1.0 / config.rate, self._on_timer)
 
-    def _on_trajectory(self, message):
+    def _on_trajectory(self, message: JointTrajectory) -> None:
         try:
             self.controller.accept(
                 trajectory_from_msg(message), 1e-9 * self.get_clock().now().nanoseconds)
@@ -74,7 +75,7 @@ class MockRobotNode(TactileNode):
                 f'trajectory rejected ({self.rejected} so far): {error}',
                 throttle_duration_sec=1.0)
 
-    def _on_timer(self):
+    def _on_timer(self) -> None:
         now_ns = self.get_clock().now().nanoseconds
         positions, velocities = self.controller.run_to(1e-9 * now_ns)
         self._states.publish(joint_state_to_msg(
@@ -86,6 +87,6 @@ class MockRobotNode(TactileNode):
                 throttle_duration_sec=1.0)
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Run the node."""
     return run(MockRobotNode, args)

@@ -79,7 +79,7 @@ class MockSensorNode(TactileNode):
         self._thread = threading.Thread(target=self._run, name='mock_sensor', daemon=True)
         self._thread.start()
 
-    def destroy_node(self):
+    def destroy_node(self) -> None:
         """Stop sending, hang up, remove the link and destroy the node."""
         self._stop.set()
         thread, self._thread = self._thread, None
@@ -88,7 +88,7 @@ class MockSensorNode(TactileNode):
             self._port.close()
         super().destroy_node()
 
-    def _open_scene(self, config):
+    def _open_scene(self, config: 'MockSensorConfig') -> None:
         if not config.scene:
             raise ConfigurationError("parameter 'scene' is '', must name a scene or its file")
         scene = load_scene(config.scene)
@@ -102,7 +102,7 @@ class MockSensorNode(TactileNode):
         self.create_subscription(
             PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
 
-    def _on_pose(self, message):
+    def _on_pose(self, message: PoseStamped) -> None:
         try:
             pose = pose_from_msg(message.pose)
             with self._lock:
@@ -111,7 +111,7 @@ class MockSensorNode(TactileNode):
             self.get_logger().warning(
                 f'sensor_pose is ignored: {error}', throttle_duration_sec=5.0)
 
-    def _frame(self, instant):
+    def _frame(self, instant: float) -> np.ndarray | None:
         """Return the counts of a frame at an instant of the steady clock; None: do not send it."""
         behind = time.monotonic() - instant
         stamp_ns = self.get_clock().now().nanoseconds - round(behind * NS)
@@ -129,7 +129,7 @@ class MockSensorNode(TactileNode):
             'instant', throttle_duration_sec=5.0)
         return None
 
-    def _run(self):
+    def _run(self) -> None:
         while not self._port.listened:
             if self._stop.wait(_LISTENER_CHECK):
                 return
@@ -145,7 +145,7 @@ class MockSensorNode(TactileNode):
             if counts is not None:
                 self._send(self._device.encode(counts, round(instant * NS)))
 
-    def _send(self, frame):
+    def _send(self, frame: bytes) -> None:
         if not self._port.listened or not self._device.running:
             self._in_step = False
             self._port.forget()
@@ -158,7 +158,7 @@ class MockSensorNode(TactileNode):
             self.dropped += 1
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Run the mock sensor node."""
     return run(MockSensorNode, args)
 
