@@ -167,10 +167,10 @@ def track(options: argparse.Namespace, path: Path, scene: Scene, folder: Path, d
             ('sensing', (port, calibrate(port, scene), DriverConfig.protocol, own.contact)))}
         graph = enter(Graph(**common))
 
-        def over():
+        def over() -> bool:
             return stop.is_set() or any(part.poll() is not None for part in parts.values())
 
-        def show(feedback):
+        def show(feedback: Any) -> None:
             progress.show(feedback.progress, State(feedback.state).name.lower(),
                           feedback_text(feedback))
 

@@ -46,7 +46,7 @@ class Graph:
         self.namespace = namespace
         self.nodes: list[Node] = []
 
-    def __enter__(self):
+    def __enter__(self) -> 'Graph':
         sys.setswitchinterval(SWITCH_INTERVAL)
         self.context = rclpy.Context()
         rclpy.init(args=self._arguments, context=self.context, domain_id=self._domain,
@@ -54,17 +54,17 @@ class Graph:
         self.executor = make_executor(self.context)
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: Any) -> None:
         self.executor.shutdown()  # first: no message may reach a destroyed node
         for node in reversed(self.nodes):
             node.destroy_node()
         self.context.try_shutdown()
 
-    def add(self, node_class: Callable[..., Node], *, namespace: str | None = None, own=(),
-            **parameters) -> Any:
+    def add(self, node_class: Callable[..., Node], *, namespace: str | None = None,
+            own: Mapping[str, Any] | None = None, **parameters: Any) -> Any:
         """Make a node, with parameters that override those of the file, and return it."""
         node = node_class(
-            context=self.context, **dict(own),
+            context=self.context, **(own or {}),
             namespace=self.namespace if namespace is None else namespace,
             parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])
         self.nodes.append(node)
@@ -76,13 +76,14 @@ class Graph:
         spin(self.executor, self.context, until)
 
 
-def add_mocks(graph: Graph, port, scene, robot, seed: int = 0) -> Node:
+def add_mocks(graph: Graph, port: str | Path, scene: str | Path, robot: str | Path,
+              seed: int = 0) -> Node:
     """Add the mock sensor on a pseudo-terminal and the mock robot, both in a scene."""
     graph.add(MockSensorNode, port=str(port), scene=str(scene), seed=seed)
     return graph.add(MockRobotNode, namespace='', robot_description=str(robot), scene=str(scene))
 
 
-def add_sensing(graph: Graph, port, calibration='',
+def add_sensing(graph: Graph, port: str | Path, calibration: str | Path = '',
                 protocol: str = DriverConfig.protocol,
                 contact: Mapping[str, Any] | None = None) -> None:
     """
@@ -94,7 +95,7 @@ def add_sensing(graph: Graph, port, calibration='',
     graph.add(DriverNode, port=str(port), calibration=str(calibration), protocol=protocol)
 
 
-def add_servo(graph: Graph, robot, law: str = DEFAULT, **parameters) -> Node:
+def add_servo(graph: Graph, robot: str | Path, law: str = DEFAULT, **parameters: Any) -> Node:
     """
     Add the servo; with sensing it is the control loop, as on a real robot.
 

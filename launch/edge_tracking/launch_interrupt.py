@@ -3,6 +3,7 @@ import asyncio
 import shutil
 import signal
 import threading
+from typing import Any
 
 # Prefix of the command of every node. In its first tenths of a second a process cannot handle
 # Ctrl-C, so the signal is held back. A node ends with its launch, however that ends.
@@ -25,7 +26,7 @@ def leave_interrupt_to_launch() -> None:
         signal.signal(signal.SIGINT, _interrupt)
 
 
-def _interrupt(number, frame):
+def _interrupt(number: int, frame: Any) -> None:
     """Interrupt as usual, but not while an event loop runs in this thread."""
     try:
         asyncio.get_running_loop()

@@ -36,7 +36,7 @@ CONTROL = ('controller_manager', 'hardware_interface', 'joint_state_broadcaster'
 START = 300.0  # s for the start of the nodes; the very first start compiles kernels
 
 
-def as_text(text):
+def as_text(text: str) -> ParameterValue:
     """Force a parameter to be a text: a URDF would otherwise be parsed as YAML."""
     return ParameterValue(text, value_type=str)
 
@@ -44,7 +44,7 @@ def as_text(text):
 class Nodes:
     """The nodes of one robot with its sensor, for the values of the arguments."""
 
-    def __init__(self, value, prefix):
+    def __init__(self, value: Mapping[str, Any], prefix: str):
         self.value, self.prefix = value, prefix
         self.mock_sensor = value['sensor'] == 'mock'
         self.robot = value['robot']
@@ -66,9 +66,10 @@ class Nodes:
         self.port = value['port'] or str(Path(
             tempfile.gettempdir(),
             f'tactile_{os.getpid()}_{value["namespace"].replace("/", "_")}'))
-        self.goal = {name: number(name, value[name]) for name in ('speed', 'force', 'length')}
+        self.goal: dict[str, Any] = {
+            name: number(name, value[name]) for name in ('speed', 'force', 'length')}
 
-    def check(self):
+    def check(self) -> RobotModel:
         """Refuse a parameter file, robot or calibration with which no node could start."""
         value = self.value
         nodes = names_in(value['namespace'], self.robot_namespace)
@@ -101,13 +102,14 @@ class Nodes:
         return model
 
     @property
-    def starts(self):
+    def starts(self) -> bool:
         """True if a goal is sent at once."""
         return self.value['start'] == 'true' or (
             self.value['start'] == 'auto' and self.robot != 'real')
 
-    def node(self, package, executable, namespace=None, dies=True, env=None, prefix='',
-             **parameters):
+    def node(self, package: str, executable: str, namespace: str | None = None,
+             dies: bool = True, env: Mapping[str, str] | None = None, prefix: str = '',
+             **parameters: Any) -> list[Any]:
         """Return the actions of a node, with a longer prefix, and of the launch's end with it."""
         value = self.value
         action = Node(
@@ -123,13 +125,13 @@ class Nodes:
                    for key, it in parameters.items()}}])
         return [action, *ends_with(action)] if dies and not value['use_respawn'] else [action]
 
-    def sensing(self):
+    def sensing(self) -> list[Any]:
         """Return driver and estimators, and the mock sensor with its calibration."""
         actions, driver = [], self.driver
         if self.mock_sensor:
             own = Path(f'{self.port}.yaml')
 
-            def remove(*_):
+            def remove(*_: Any) -> None:
                 own.unlink(missing_ok=True)
                 if Path(self.port).is_symlink():  # left by a killed mock sensor
                     Path(self.port).unlink(missing_ok=True)
@@ -149,7 +151,7 @@ class Nodes:
                 *self.node('tactile_shape', 'shape_estimator', prefix=GIVING_WAY,
                            **self.own.shape)]
 
-    def servo(self):
+    def servo(self) -> list[Any]:
         """Return the servo, the mock robot and the goal."""
         value = self.value
         robot = {'robot_description': value['robot_description']}
@@ -173,7 +175,7 @@ class Nodes:
                 actions += ends_with(track)
         return actions
 
-    def controllers(self, model):
+    def controllers(self, model: RobotModel) -> list[Any]:
         """Return the controller manager with mock hardware, and its controllers."""
         value, namespace = self.value, self.robot_namespace
         settings = str(share('config', 'controllers.yaml'))
@@ -193,7 +195,7 @@ class Nodes:
         return [manager, *ends_with(manager), spawner, *ends_with(spawner, may_end=True),
                 *self.state_publisher(text)]
 
-    def state_publisher(self, text):
+    def state_publisher(self, text: str) -> list[Any]:
         """Return the robot_state_publisher, which publishes TF and the topic robot_description."""
         if 'robot_state_publisher' not in get_packages_with_prefixes():
             return [LogInfo(msg='robot_state_publisher is not installed: neither TF nor the '
@@ -204,12 +206,12 @@ class Nodes:
             parameters=[{'robot_description': as_text(text),
                          'use_sim_time': self.value['use_sim_time']}])]
 
-    def frames(self, namespace):
+    def frames(self, namespace: str) -> list[tuple[str, str]]:
         """Return remappings that give a robot in a namespace a separate tree of frames."""
         return [(f'/{topic}', f'{namespace}/{topic}' if namespace else topic)
                 for topic in ('tf', 'tf_static')] if self.robot_namespace else []
 
-    def rviz(self):
+    def rviz(self) -> list[Any]:
         """Return RViz, subscribed to the topics of these nodes."""
         own, robot = f'/{self.value["namespace"].strip("/")}', self.robot_namespace
         return [Node(
@@ -222,9 +224,9 @@ class Nodes:
             parameters=[{'use_sim_time': self.value['use_sim_time']}])]
 
 
-def ends_with(action, may_end=False):
+def ends_with(action: Any, may_end: bool = False) -> list[Any]:
     """Return actions that end the launch with a process; an exit code is an error."""
-    def on_exit(event, context):
+    def on_exit(event: Any, context: Any) -> Any:
         name = event.process_name.rpartition('-')[0]
         if context.is_shutdown or (may_end and event.returncode == 0):
             return None

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import json
 import os
+from pathlib import Path
 import signal
 import subprocess
 import sys
@@ -42,7 +43,7 @@ class Heard:
         self.all, self.failed = False, ''  # why the recording ended early
         node.create_subscription(DiagnosticArray, '/diagnostics', self._take, 10)
 
-    def _take(self, msg):
+    def _take(self, msg: DiagnosticArray) -> None:
         for status in msg.status:
             heard = {pair.key: pair.value for pair in status.values}.get('heard', '')
             self.all = self.all or WANTED <= set(heard.split())
@@ -50,7 +51,7 @@ class Heard:
                 self.failed = status.message
 
 
-def add_listeners(graph: Graph, bag, shape: dict[str, Any] | None = None) -> None:
+def add_listeners(graph: Graph, bag: str | Path, shape: dict[str, Any] | None = None) -> None:
     """Add a recorder of all topics and the shape estimator with its parameters."""
     graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
     graph.add(ShapeEstimatorNode, **shape or {})
@@ -62,7 +63,7 @@ PARTS: dict[str, tuple[Callable[..., Any], int]] = {
 
 
 @contextmanager
-def apart(part: str, *arguments, **graph) -> Iterator[subprocess.Popen]:
+def apart(part: str, *arguments: Any, **graph: Any) -> Iterator[subprocess.Popen]:
     """
     Run one of `PARTS` in a process that ends with this one, however this one ends.
 
@@ -92,7 +93,7 @@ def main() -> int:
         signal.signal(number, signal.SIG_IGN)
     ended = threading.Event()
 
-    def wait():
+    def wait() -> None:
         sys.stdin.read()
         ended.set()
 
@@ -103,7 +104,7 @@ def main() -> int:
             freeze_heap()
             # Lower the priority only when the servo is heard: earlier it would delay the start.
             graph.spin(lambda: ended.is_set() or graph.nodes[0].count_publishers(
-                f'/{graph.namespace}/servo_status'))
+                f'/{graph.namespace}/servo_status') > 0)
             os.nice(niceness)
             graph.spin(ended.is_set)
     except (ValueError, RuntimeError, ParameterException) as error:

@@ -6,6 +6,6 @@ from ament_index_python.packages import get_package_share_directory
 NAMESPACE = 'tactile'  # of sensor, estimators and servo
 
 
-def share(*parts):
+def share(*parts: str) -> Path:
     """Return the path of a file in the package's share folder."""
     return Path(get_package_share_directory('edge_tracking'), *parts)

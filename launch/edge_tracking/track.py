@@ -4,6 +4,7 @@ Send one goal to the servo and follow it to its end.
 Exit status: 0 the goal was met, 1 it was not met, 2 it was refused or a parameter is wrong, 3
 sensor or servo were not ready, 4 the servo became silent, 130 interrupted.
 """
+from collections.abc import Callable
 from enum import IntEnum
 import math
 import os
@@ -11,6 +12,7 @@ import signal
 import subprocess
 import sys
 import time
+from typing import Any
 
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
@@ -55,13 +57,15 @@ class TrackNode(TactileNode):
     are referenced.
     """
 
-    def __init__(self, on_feedback=None, **kwargs):
+    def __init__(self, on_feedback: Callable[[Any], None] | None = None, **kwargs: Any):
         super().__init__('track', **kwargs)
         self.config = declare_from(self, TrackConfig)
         self.finished, self.exit, self.reason, self.reason_code = False, Exit.NOT_READY, '', 0
-        self.result = self.feedback = None
+        self.result: Any = None
+        self.feedback: Any = None
         self._on_feedback = on_feedback or self._log_feedback
-        self._handle, self.cancelled = None, False
+        self._handle: Any = None
+        self.cancelled = False
         self._pause = self.create_client(SetBool, 'edge_servo/pause')
         self._heartbeat = self.create_publisher(UUID, 'edge_servo/heartbeat', 1)
         self._resumed, self._asked = 0, -math.inf  # number of requests, and time of the last [s]
@@ -87,24 +91,24 @@ class TrackNode(TactileNode):
              self.get_namespace()], preexec_fn=os.setpgrp) if self.config.record else None
 
     @property
-    def success(self):
+    def success(self) -> bool:
         """True if the goal was met."""
         return self.exit == Exit.TRACKED
 
-    def _on_info(self, msg):
+    def _on_info(self, msg: SensorInfo) -> None:
         self._tared = msg.tared_at.sec > 0
 
-    def _on_contact(self, _):
+    def _on_contact(self, _: Contact) -> None:
         self._seen = True
         self.destroy_subscription(self._contacts)
 
-    def _on_status(self, msg):
+    def _on_status(self, msg: ServoStatus) -> None:
         self._robot |= msg.joints_fresh
         self._felt |= msg.contact_fresh
         if self._robot and self._felt:
             self.destroy_subscription(self._statuses)
 
-    def destroy_node(self):
+    def destroy_node(self) -> None:
         """End the recording, then destroy the node."""
         if self._recorder and self._recorder.poll() is None:
             self._recorder.send_signal(signal.SIGTERM)
@@ -114,7 +118,7 @@ class TrackNode(TactileNode):
                 self._recorder.kill()  # the written part is readable
         super().destroy_node()
 
-    def _missing(self):
+    def _missing(self) -> str:
         heard = not self._recorder or self.count_subscribers('servo_calls')
         waits = ((self._seen, 'no contact estimates arrive: is the sensor connected?'),
                  (self._tared, 'the sensor is not tared: is the pad free? See its diagnostics'),
@@ -125,7 +129,7 @@ class TrackNode(TactileNode):
                  (heard, 'the recorder does not listen'))
         return next((text for ready, text in waits if not ready), '')
 
-    def _try_to_start(self):
+    def _try_to_start(self) -> None:
         if self._recorder and self._recorder.poll() is not None:
             self._end(Exit.REFUSED, f'record: {self.config.record} is not recorded, see above')
         if self.finished or self._sent:
@@ -140,11 +144,11 @@ class TrackNode(TactileNode):
             goal_message(self.config), feedback_callback=self._take_feedback) \
             .add_done_callback(self._on_response)
 
-    def _beat(self):
+    def _beat(self) -> None:
         if self._handle is not None and not self.finished:
             self._heartbeat.publish(self._handle.goal_id)
 
-    def _check_silence(self):
+    def _check_silence(self) -> None:
         silent = time.monotonic() - self._heard
         if not self._sent or self.finished or silent < SILENCE:
             return
@@ -153,7 +157,7 @@ class TrackNode(TactileNode):
         self._end(Exit.SILENT, f'the servo has said nothing for {silent:.1f} s: is it still '
                   'running?')
 
-    def _on_response(self, future):
+    def _on_response(self, future: Any) -> None:
         self._heard = time.monotonic()
         self._handle = future.result()
         if not self._handle.accepted:
@@ -166,20 +170,20 @@ class TrackNode(TactileNode):
             self._handle.cancel_goal_async()
         self._handle.get_result_async().add_done_callback(self._on_result)
 
-    def _on_result(self, future):
+    def _on_result(self, future: Any) -> None:
         status, self.result = future.result().status, future.result().result
         tracked = status == GoalStatus.STATUS_SUCCEEDED and self.result.success
         self._end(Exit.TRACKED if tracked else Exit.NOT_TRACKED,
                   self.result.reason or 'the servo does not know the goal any more',
                   self.result.reason_code)
 
-    def _take_feedback(self, msg):
+    def _take_feedback(self, msg: Any) -> None:
         self._heard = time.monotonic()
         self.feedback = msg.feedback
         self._on_feedback(msg.feedback)
         self._resume(msg.feedback)
 
-    def _resume(self, feedback):
+    def _resume(self, feedback: Any) -> None:
         offered = (feedback.state, feedback.reason_code) == (
             ServoStatus.HOLD, ServoReason.INPUT_BACK)
         # A request has no effect if another fault occurs at that moment, so repeat it.
@@ -192,17 +196,17 @@ class TrackNode(TactileNode):
         if not offered:
             self._asked = -math.inf
 
-    def _log_feedback(self, feedback):
+    def _log_feedback(self, feedback: Any) -> None:
         if feedback.state == ServoStatus.HOLD:
             self.get_logger().warning(feedback.reason, throttle_duration_sec=1.0)
         else:
             self.get_logger().info(feedback_text(feedback), throttle_duration_sec=1.0)
 
-    def _end(self, how, reason, code=0):
+    def _end(self, how: Exit, reason: str, code: int = 0) -> None:
         if not self.finished:
             self.finished, self.exit, self.reason, self.reason_code = True, how, reason, code
 
-    def cancel(self):
+    def cancel(self) -> None:
         """Ask the servo to stop; a goal that was not sent is dropped."""
         self.cancelled = True
         if self._handle is not None:
@@ -211,11 +215,11 @@ class TrackNode(TactileNode):
             self._end(Exit.NOT_TRACKED, 'cancelled')
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Track once and return the exit status, see above; an interrupt cancels the goal."""
-    ended = None
+    ended: TrackNode | None = None
 
-    def until(node):
+    def until(node: TrackNode) -> bool:
         nonlocal ended
         ended = node if node.finished else None
         return node.finished

@@ -58,7 +58,7 @@ def run_goals(options: argparse.Namespace, bag: Path) -> list[tuple[float, float
             apart('mocks', port, path, robot, 0), apart('sensing', port, calibrate(port, scene)), \
             Graph() as graph, busy(options.loops):
         servo = add_servo(graph, robot)
-        graph.spin(lambda: servo.count_subscribers('servo_status'))
+        graph.spin(lambda: servo.count_subscribers('servo_status') > 0)
         for number in range(options.goals):
             begin = time.time()
             track = graph.add(TrackNode, own={'on_feedback': lambda _: None}, wait=GIVE_UP,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, fields
 from functools import cache, partial
 from itertools import repeat
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,16 +33,16 @@ def _column(dtype: Any = float, shape: tuple[int, ...] = (),
     return field(metadata={'dtype': dtype, 'shape': shape, 'read': read})
 
 
-def _stamp():
+def _stamp() -> Any:
     return _column(np.int64, (), lambda message: stamp_to_ns(message.header.stamp))
 
 
-def xyz(vector) -> tuple[float, float, float]:
+def xyz(vector: Any) -> tuple[float, float, float]:
     """Return the components of a vector or a point in a message."""
     return vector.x, vector.y, vector.z
 
 
-def _matrix(message):
+def _matrix(message: Any) -> np.ndarray:
     try:
         return pose_from_msg(message.pose)
     except TactileError:
@@ -53,13 +54,13 @@ class Table:
     """Columns of N rows, one row per message."""
 
     @classmethod
-    def row(cls: Any, message) -> tuple:
+    def row(cls: Any, message: Any) -> tuple:
         """Return the values of a message in the order of the columns."""
         return tuple([getattr(message, name) if read is None else read(message)
                       for name, _, _, read in _columns(cls)])
 
     @classmethod
-    def of(cls: Any, rows: Sequence[tuple], **known) -> Any:
+    def of(cls: Any, rows: Sequence[tuple], **known: Any) -> Any:
         """Make a table of such rows; `known` are the fields that are not columns."""
         values = zip(*rows, strict=True) if rows else repeat(())
         for (name, dtype, shape, _), column in zip(_columns(cls), values, strict=False):
@@ -161,12 +162,13 @@ class RunData:
     touches: Poses = field(  # contacts with a surface, z along the outward normal
         default_factory=lambda: Poses.of([]))
 
-    def seconds(self, time_ns) -> np.ndarray:
+    def seconds(self, time_ns: Any) -> np.ndarray:
         """Convert times [ns] to seconds since the first message that was read."""
         return (np.asarray(time_ns, dtype=np.int64) - self.start_ns) * 1e-9
 
 
-def read_run(path, namespace=None, *, joints=True) -> RunData:
+def read_run(path: str | Path, namespace: str | None = None, *,
+             joints: bool = True) -> RunData:
     """
     Read a run from a rosbag2 recording: its folder, or one of its files.
 
@@ -179,7 +181,7 @@ def read_run(path, namespace=None, *, joints=True) -> RunData:
                   if name in _READ and (joints or name != 'joint_states')}
         every = {name: -(-bag.count(topic) // MOST) or 1 for topic, name in wanted.items()
                  if name in _THINNED}
-        rows, seen = defaultdict(list), Counter()
+        rows, seen = defaultdict[str, list[Any]](list), Counter[str]()
         stamps = {name: array('q') for name in _STAMPED}
         for row in bag.messages(wanted, raw=True):
             name = wanted[row.topic]
@@ -214,7 +216,7 @@ def read_run(path, namespace=None, *, joints=True) -> RunData:
         )
 
 
-def _image(message):
+def _image(message: Any) -> list[Any]:
     """Return a list with shallowest pressure, (unit, pitches) and columns, or an empty list."""
     layers = [layer for layer in message.layers if layer.component == _COMPONENT_ZZ
               and layer.stress.size == message.rows * message.columns > 0]
@@ -223,7 +225,7 @@ def _image(message):
             for layer in sorted(layers, key=lambda layer: layer.depth)[:1]]
 
 
-def _images(rows):
+def _images(rows: Sequence[Any]) -> 'Images':
     """Return the table of images that have the shape of the first one."""
     if not rows:
         return Images.of([], frames=np.empty((0, 0, 0), np.float32), array=None, unit='')
@@ -233,7 +235,7 @@ def _images(rows):
                          array=TactelArray(*first.shape, *pitches))
 
 
-def _goals(calls):
+def _goals(calls: Any) -> list[dict[str, Any]]:
     """Return the fields of the goals that begin in a ServoCalls message."""
     named = calls.call[np.isin(calls.call, WITH_TEXT)].tolist()
     return [dict(json.loads(text)) for call, text in zip(named, calls.texts, strict=False)
@@ -259,7 +261,7 @@ _THINNED = {*_STAMPED, 'surface_patch'} - {'servo_status'}  # a state may last o
 _NEWEST = ('contour', 'sensor_info')  # only the newest message is needed
 
 
-def _joint_acceleration(rows):
+def _joint_acceleration(rows: Sequence[Any]) -> np.ndarray:
     """Return joint accelerations from the recorded velocities, or else from the positions."""
     if not rows:
         return np.empty((0, 0))

@@ -9,7 +9,7 @@ from tactile_common.errors import TactileError
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import ON_TRACK, State
-from tactile_shape.contour.outline import find_outline
+from tactile_shape.contour.outline import find_outline, Outline
 from tactile_shape.types.patch import Kind
 from tactile_simulation import metrics
 from tactile_simulation.metrics import busy, judged, measure, NAN, percentile, rate
@@ -56,7 +56,7 @@ def latencies(run: RunData) -> tuple[np.ndarray, np.ndarray]:
 
 
 @lru_cache(maxsize=1)
-def rebuilt_outline(run):
+def rebuilt_outline(run: RunData) -> Outline | None:
     """Return the outline of the recorded contour; None if there are too few points."""
     try:
         return find_outline(run.contour)

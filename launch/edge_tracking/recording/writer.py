@@ -1,6 +1,6 @@
 """Recorder of topics into a rosbag2 folder with MCAP storage, compressed by zstd."""
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -9,7 +9,7 @@ from time import time_ns
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import (
     Qos,
     QosDurability,
@@ -98,9 +98,10 @@ class RecorderNode(TactileNode):
     says why the recording ended early; it is empty while it continues.
     """
 
-    def __init__(self, path, topics, *, max_waiting=MAX_WAITING, **kwargs):
-        self._closed, self._heard = threading.Event(), set()
-        self._waiting, self._max_waiting = deque(), max_waiting
+    def __init__(self, path: str | Path, topics: Sequence[tuple[str, Any, QoSProfile]], *,
+                 max_waiting: int = MAX_WAITING, **kwargs: Any):
+        self._closed, self._heard = threading.Event(), set[str]()
+        self._waiting, self._max_waiting = deque[tuple[str, int, bytes]](), max_waiting
         self.written = self.dropped = 0
         self.failed = ''
         self._writer = BagWriter(path, topics)
@@ -110,31 +111,31 @@ class RecorderNode(TactileNode):
             self.create_subscription(kind, name, self._callback(short_name(name)), qos, raw=True)
         self._thread.start()
 
-    def _callback(self, name):
+    def _callback(self, name: str) -> Callable[[bytes], None]:
         waiting = self._waiting
 
         # One argument only: the events executor cannot pass the message info with raw bytes, so
         # the time of reception is taken here. It is the system time, as in `ros2 bag record`;
         # to make an rclpy Time takes longer than everything else here.
-        def take(data):
+        def take(data: bytes) -> None:
             if len(waiting) < self._max_waiting:
                 waiting.append((name, time_ns(), data))
             else:
                 self.dropped += 1
         return take
 
-    def close(self):
+    def close(self) -> None:
         """Write the waiting messages and finish the bag; recording stops."""
         self._closed.set()
         if self._thread.ident and threading.current_thread() is not self._thread:
             self._thread.join()
 
-    def destroy_node(self):
+    def destroy_node(self) -> None:
         """Finish the bag, then destroy the node."""
         self.close()
         super().destroy_node()
 
-    def _write_forever(self):
+    def _write_forever(self) -> None:
         try:
             while not self._closed.wait(WRITE_PERIOD):
                 self._write_waiting()
@@ -148,14 +149,14 @@ class RecorderNode(TactileNode):
         if self.dropped:
             self.get_logger().warning(f'{self.dropped} messages were not recorded')
 
-    def _write_waiting(self):
+    def _write_waiting(self) -> None:
         while self._waiting:
             name, time, data = self._waiting.popleft()
             self._writer.write(name, time, data)
             self.written += 1
             self._heard.add(name)
 
-    def _on_diagnose(self):
+    def _on_diagnose(self) -> None:
         heard = ' '.join(sorted(self._heard.copy()))
         level = DiagnosticStatus.WARN if self.dropped else DiagnosticStatus.OK
         self.diagnose(
@@ -163,7 +164,7 @@ class RecorderNode(TactileNode):
             {'written': self.written, 'dropped': self.dropped, 'heard': heard}, name='recorder')
 
 
-def _offered(qos):
+def _offered(qos: QoSProfile) -> Qos:
     """Return the quality of service for players, in rosbags' format."""
     best_effort = qos.reliability == ReliabilityPolicy.BEST_EFFORT
     latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL

@@ -37,7 +37,8 @@ def way(name: str, points: np.ndarray, colour: str, **style: Any) -> dict[str, A
     return _series(name, x, y, colour, **style)
 
 
-def _series(name, x, y, colour, **style):
+def _series(name: str, x: np.ndarray, y: np.ndarray, colour: str,
+            **style: Any) -> dict[str, Any]:
     return {'name': name, 'colour': colour, 'x': packed(x, '<f4'), 'y': packed(y, '<f4'), **style}
 
 
