@@ -31,6 +31,7 @@ class Call(IntEnum):
 
 WITH_TEXT = (Call.START, Call.TUNE, Call.TEACH, Call.AROUND, Call.REFUSED, Call.NOTED,
              Call.DELAY, Call.WRENCH)
+MOST_CALLS = 100_000  # that wait for `take`: about a minute of a goal
 
 
 @dataclass(eq=False)
@@ -44,7 +45,9 @@ class Journal:
     texts: list[str] = field(default_factory=list)
 
     def add(self, call: Call, time: float = 0.0, value: int = 0, text: str | None = None) -> None:
-        """Append a call."""
+        """Append a call. At `MOST_CALLS`, those that nobody took are dropped."""
+        if len(self.call) >= MOST_CALLS:
+            self.take()
         self.call.append(call)
         self.time.append(time)
         self.value.append(value)
