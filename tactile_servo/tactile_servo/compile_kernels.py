@@ -50,8 +50,6 @@ def compile_kernels() -> None:
     inputs.see_joints(np.zeros(2), 0, 0.0)
     image = TactileImage(0, 0, (Layer('zz', DEPTH, np.zeros(ARRAY.shape)),), ARRAY, True)
     inputs.see_image(image, 0.0)
-    for loaded in (False, True):
-        inputs.watch.see(image, loaded, np.zeros(3))
     following = Following(0.002)
     following.sent(0.0, motion.pose, inputs.pose)
     following.problem(inputs.pose, 0.0)

@@ -46,13 +46,15 @@ class SensorWatch:
         inside = (stress > (layer.floor if layer.floor else -np.inf)) & (stress < np.inf)
         changed = inside & (stress != self._before)
         self._before = stress
-        if changed.any() or not loaded:
+        if not loaded or changed.any():
             self._place = place.copy()
-        self._same = float(np.linalg.norm(place - self._place))
+        self._same = math.dist(place, self._place)
         self._count_intervals(changed, inside, loaded)
         pad = image.array.pitch_x * image.array.pitch_y * stress.size
-        tared = layer.unit == 'Pa' and image.tared and inside.any()
-        self._below = -pad * float(np.median(stress[inside])) if tared else 0.0
+        self._below, ordered = 0.0, np.sort(stress[inside])
+        if layer.unit == 'Pa' and image.tared and ordered.size:
+            half = ordered.size // 2  # np.median takes five times as long
+            self._below = -0.5 * pad * float(ordered[half] + ordered[~half])
 
     def _count_intervals(self, changed: np.ndarray, inside: np.ndarray, loaded: bool) -> None:
         """
@@ -72,13 +74,13 @@ class SensorWatch:
         self._quiet[changed | ~inside] = 0.0
         lively = self._interval < LIVELY
         quiet, interval = self._quiet[lively], self._interval[lively]
-        self.watches = lively.mean() > LEAST_LIVELY
+        self.watches = len(interval) > LEAST_LIVELY * lively.size
         self._silent, enough = 0.0, max(math.ceil(TOGETHER * len(interval)), 2)
         if len(interval) >= enough:
             most = 1.0 + math.log(len(interval) / enough) - math.log(CHANCE) / enough
             silent = quiet > most * (2.0 * np.maximum(interval, interval.mean()) - 1.0)
-            if silent.sum() >= enough:
-                self._silent = float(silent.mean())
+            if (count := int(np.count_nonzero(silent))) >= enough:
+                self._silent = count / len(interval)
 
     def problem(self, force: float) -> Reason | None:
         """Return why the sensor cannot be trusted while a force [N] is wanted, or None."""

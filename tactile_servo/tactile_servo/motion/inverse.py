@@ -26,6 +26,7 @@ EASED = 1e-4  # relative weight of squared errors along a motion that is slowed 
 TAKE_OVER = 0.5  # relative to the damping: weight of the null space, free to replace a joint
 PUSH_ZONE = 0.15  # share of a joint's range at either end, which a redundant arm avoids
 PUSH = 4.0  # motion of a joint at its limit per (weighted) metre of the sensor [rad/m]
+UNIT_TWISTS = np.eye(6)
 PUSH_SPEED = 0.1  # largest such velocity, as a share of the joint's velocity limit
 
 
@@ -124,8 +125,9 @@ def allowed_acceleration(jacobian: np.ndarray, acceleration: np.ndarray,
     that no joint exceeds its acceleration (n,) [rad/s^2]. It is infinite if the Jacobian (6, n) is
     not finite. The `axes` are indices of a twist.
     """
-    twists = np.eye(6)
-    rates = np.array([damped_least_squares(jacobian, twists[k])[0] for k in axes])
+    still = np.zeros(jacobian.shape[1])
+    rates = np.array([_least_squares(jacobian, UNIT_TWISTS[k], still, DAMPING, ROTATION_LENGTH)[0]
+                      for k in axes])
     return float(np.fmin.reduce(
         acceleration / np.maximum(np.sqrt((rates**2).sum(axis=0)), 1e-12), initial=np.inf))
 

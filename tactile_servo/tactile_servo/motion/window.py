@@ -59,6 +59,7 @@ def committed(window: Window, elapsed: float, ahead: float) -> Window:
     return kept
 
 
+@njit(cache=True)
 def extended(window: Window, target: np.ndarray, coasted: np.ndarray, period: float,
              coast: float, acceleration: np.ndarray) -> Window:
     """
@@ -68,16 +69,21 @@ def extended(window: Window, target: np.ndarray, coasted: np.ndarray, period: fl
     `coasted` (n,), each at constant acceleration. Then all joints brake at constant deceleration,
     in the time that the slowest of them needs within its acceleration (n,).
     """
-    stop = max(MIN_STOP, float((np.abs(coasted) / acceleration).max()))
-    times, positions, velocities = window.times[-1], window.positions[-1], window.velocities[-1]
-    added = []
+    stop = max(MIN_STOP, (np.abs(coasted) / acceleration).max())
+    count, joints = window.positions.shape
+    longer = Window(np.empty(count + 3), np.empty((count + 3, joints)),
+                    np.empty((count + 3, joints)))
+    longer.times[:count] = window.times
+    longer.positions[:count] = window.positions
+    longer.velocities[:count] = window.velocities
+    k = count
     for following, span in ((target, period), (coasted, coast), (0.0 * target, stop)):
-        times = times + span
-        positions = positions + 0.5 * span * (velocities + following)
-        velocities = following
-        added.append((times, positions, velocities))
-    return Window(*(np.concatenate((old, np.array(new))) for old, new in zip(
-        window, zip(*added, strict=True), strict=True)))
+        before = longer.velocities[k - 1]
+        longer.times[k] = longer.times[k - 1] + span
+        longer.positions[k] = longer.positions[k - 1] + 0.5 * span * (before + following)
+        longer.velocities[k] = following
+        k += 1
+    return longer
 
 
 @njit(cache=True)
