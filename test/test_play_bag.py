@@ -1,5 +1,6 @@
 """A recording played to the nodes with simulated time gives what was recorded."""
 import dataclasses
+from itertools import islice
 from pathlib import Path
 import time
 
@@ -240,3 +241,17 @@ def test_a_topic_of_another_definition_is_not_sent_on(playing, monkeypatch, topi
 def test_what_cannot_be_played_is_refused(arguments, said, capsys):
     assert play_bag.main(arguments) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.graph
+def test_a_bag_that_cannot_be_read_on_is_played_up_to_there(playing, monkeypatch):
+    messages = Bag.messages
+
+    def cut(*arguments, **options):
+        yield from islice(messages(*arguments, **options), 500)
+        raise ConfigurationError('it ends here')
+    monkeypatch.setattr(Bag, 'messages', cut)
+    it = playing(loop=True)
+    it.spin(lambda: it.player.playback.finished)
+    assert it.player.playback.fault == 'it ends here'
+    it.spin(lambda: it.listener.contacts)

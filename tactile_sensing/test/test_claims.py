@@ -187,3 +187,23 @@ def test_the_claim_for_a_load_beside_the_rim_holds(offset, along_x, depth):
 def test_two_flanks_are_accurate(along_x, depth):
     error, claimed = found_cylinders(1e-3, along_x, depth)
     assert len(error) == 9 and np.abs(error).max() < 1e-4 and claimed.max() < 3e-4
+
+
+@pytest.mark.parametrize('std', [0.3, 1.0])  # noise [LSB]
+@pytest.mark.parametrize('kind', FORCES)
+def test_six_bits_clipped_at_zero(kind, std):
+    rng = np.random.default_rng(34)
+    truth, frames = presses(kind, rng)
+    lsb = frames.max() / 60.0
+    measured = frames + std * lsb * rng.standard_normal(frames.shape)
+    noise = lsb * np.hypot(std, 12**-0.5)
+    counts = np.clip(np.rint(measured / lsb), 0, 63)
+    found = estimates(counts * lsb, noise, floor=0.5 * lsb)
+    ideal = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
+    assert found['valid'].mean() > ideal['valid'].mean() - 0.02
+    assert over_claims(found, truth) < HONEST
+    for name, values in truth.items():
+        rms = [np.sqrt(np.nanmean((each - values)**2)) for each in (
+            records['x'] * np.cos(records['yaw']) + records['y'] * np.sin(records['yaw'])
+            if name == 'offset' else records[name] for records in (found, ideal))]
+        assert rms[0] < 1.3 * rms[1] * (1.0 + 2.0 / np.sqrt(COUNT)), name

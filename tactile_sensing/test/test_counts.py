@@ -184,3 +184,20 @@ def test_readings_that_are_no_noise_weigh_what_they_say():
         TactileImage(0, 0, (layer,), array, tared=False, saturated=saturated))
     assert contact.moments.m0 == pytest.approx(counts.sum() * 1.27e-3**2)
     assert contact.type == ContactType.OTHER and contact.reasons & Reason.BAD_FIT  # not NO_CONTACT
+
+
+def test_places_need_no_gain(reference):
+    kind, frames, _, unloaded, _ = reference
+    sensor = SENSORS['clipped, 8 bits']
+    known = estimated(frames, sensor, unloaded)
+    blind = Calibration.uncalibrated(16, 16, ARRAY.pitch_x, depth=DEPTH)
+    tare = blind.make_tare(digitised(NOISE * unloaded, sensor))
+    found = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
+        blind.stress(digitised(frames, sensor), tare), ARRAY, [blind.layer(tare)])
+    both = found['valid'] & known['valid'] & (found['type'] == known['type'])
+    assert both.mean() > 0.98
+    found, known = found[both], known[both]
+    np.testing.assert_allclose(found['x'], known['x'], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found['y'], known['y'], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found['yaw'], known['yaw'], rtol=0, atol=1e-4)
+    assert np.isnan(found['normal_force']).all() and not found['force_valid'].any()

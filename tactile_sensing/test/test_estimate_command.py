@@ -2,6 +2,7 @@
 import re
 import sys
 import tracemalloc
+import zipfile
 
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
@@ -298,3 +299,14 @@ def test_help_names_everything(capsys):
     for name in ('frames', *OUTPUT, *Reason.__members__, *ContactType.__members__):
         assert re.search(rf'\b{name}\b', text), name
     assert max(map(len, text.splitlines())) < 120
+
+
+def test_header_that_promises_more_than_there_is(there, capsys):
+    np.save('frames.npy', FRAMES)
+    text = (there / 'frames.npy').read_bytes().replace(
+        b'(2, 8, 8), }   ', b'(2000, 8, 8), }')
+    with zipfile.ZipFile('in.npz', 'w') as archive:
+        archive.writestr('frames.npy', text)
+    assert estimate.main(['in.npz', *OPTIONS, '-o', 'out.npz']) == 2
+    assert 'frames is damaged' in message(capsys)
+    assert not (there / 'out.npz').exists()

@@ -260,3 +260,59 @@ def test_layers_without_a_closed_form_leave_the_pressure_alone(method, second):
     alone = estimator.estimate_batch(picture[None], ARRAY, layers[:1])
     assert both['valid'].all() and both['x'] == alone['x']
     assert both['normal_force'] == alone['normal_force']
+
+
+def test_invalid_tactels_cost_accuracy_only():
+    rng = np.random.default_rng(5)
+    picture = noisy(edge(0.003, 0.3), rng)
+    picture[rng.random(picture.shape) < 0.15] = np.nan
+    contact = estimate(picture)
+    assert contact.valid and Reason.DEAD_TACTELS in contact.reasons
+    assert contact.offset == pytest.approx(0.003, abs=5e-5)
+
+
+def test_no_contact_is_refused():
+    rng = np.random.default_rng(6)
+    kinds = [estimate(noisy(np.zeros(ARRAY.shape), rng)) for _ in range(500)]
+    assert all(c.type == ContactType.NONE and not c.valid for c in kinds)
+    assert sum(Reason.NO_CONTACT in c.reasons for c in kinds) >= 495
+
+
+def test_a_flat_and_a_corner_are_no_line():
+    rng = np.random.default_rng(8)
+    flat = np.full(ARRAY.shape, 20e3)
+    corner = edge(0.0, 0.0) * (ARRAY.y[:, None] < 0) + edge(0.0, np.pi / 2 - 1e-9) * (
+        ARRAY.x[None, :] > 0)
+    for picture in (flat, corner):
+        contact = estimate(noisy(picture, rng))
+        assert contact.type == ContactType.OTHER and not contact.valid
+        assert Reason.BAD_FIT in contact.reasons and np.isnan(contact.normal_force)
+        assert contact.moments.m0 == pytest.approx(
+            picture.sum() * ARRAY.pitch_x * ARRAY.pitch_y, rel=0.05)
+
+
+def test_edge_beside_the_pad_is_refused():
+    contact = estimate(edge(0.0133, force=4 * FORCE), noise=NOISE)
+    assert not contact.valid
+
+
+def test_a_valid_estimate_has_no_nan():
+    rng = np.random.default_rng(9)
+    for _ in range(300):
+        picture = noisy(edge(rng.uniform(-0.012, 0.012), rng.uniform(-1.5, 1.5),
+                             10 ** rng.uniform(0, 4)), rng)
+        picture[rng.random(picture.shape) < rng.uniform(0, 0.9)] = np.nan
+        contact = estimate(picture)
+        if contact.valid:
+            assert np.isfinite([contact.x, contact.y, contact.snr, contact.residual]).all()
+            assert np.isfinite(contact.normal_force) == contact.force_valid
+            if contact.type == ContactType.LINE:
+                assert np.isfinite(contact.yaw)
+                assert np.isfinite(contact.line_force) == contact.force_valid
+
+
+def test_unknown_noise_is_read_from_the_picture():
+    rng = np.random.default_rng(10)
+    contact = estimate(noisy(edge(0.002, 0.1), rng), noise=0.0)
+    noise = line.peak_pressure(FORCE, DEPTH) / 10.0 ** (contact.snr / 20.0)
+    assert contact.valid and noise == pytest.approx(NOISE, rel=0.3)

@@ -225,3 +225,31 @@ def test_lost_bytes_while_tactels_hover_about_the_marker(place):
     sent = {counts.tobytes() for counts in frames}
     got = [event.counts.tobytes() for event in events]
     assert set(got) <= sent and len(got) >= 600 - 3 * len(losses)
+
+
+def test_random_bytes_make_no_frame():
+    """Random bytes of 5 s at 2 Mbaud: no frame, no growing buffer, then a clean start."""
+    rng = np.random.default_rng(1)
+    decoder = FlexiTacDecoder(16, 16)
+    for _ in range(250):
+        decoder.receive_data(rng.bytes(4000))
+        assert drain(decoder) == []
+    assert decoder.dropped_bytes + decoder.buffered == 1_000_000
+    counts = np.full((16, 16), 7, np.uint8)
+    decoder.receive_data(encode_frame(counts) * 4 + MARKER)
+    assert pictures_of(drain(decoder)) == [counts.tolist()] * 4
+
+
+@pytest.mark.parametrize('kind', ['markers', 'first halves', 'runs'])
+def test_bait_is_discarded(kind):
+    """Bytes that look like frames again and again make none, and the buffer is bounded."""
+    period, size, rng = 258, 20_000, np.random.default_rng(5)
+    data = bytearray(rng.integers(0, 128, size, np.uint8).tobytes())
+    if kind == 'runs':  # two markers a period apart, everywhere
+        for start in range(0, size - 3 * period, 3 * period):
+            for place in range(start, start + period, 2):
+                data[place:place + 2] = data[place + period:place + period + 2] = MARKER
+    else:
+        data[:] = ((MARKER if kind == 'markers' else MARKER[:1]) * size)[:size]
+    decoder, events = decode((bytes(data[k:k + 64]) for k in range(0, size, 64)), 16, 16)
+    assert events == [] and decoder.dropped_bytes + decoder.buffered == size

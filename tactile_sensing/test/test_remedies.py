@@ -220,3 +220,23 @@ def test_tactels_that_average_over_their_area():
     assert area['valid'].all() and np.abs(area['normal_force'] - 1.0).max() < 0.0025
     assert np.nanmax(area['patch']) < 0.4e-3
     assert np.nanmean(centre['patch']) > 0.4e-3  # the averaging looks like a patch
+
+
+def test_shear_across_a_line():
+    array = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
+    rng = np.random.default_rng(16)
+    place = rng.uniform((-8e-3, -0.7), (8e-3, 0.7), (300, 2))
+    clean = np.array([line.pressure(
+        array.x, array.y[:, None], *load, 200.0, DEPTH, 60.0) for load in place])
+    noise = 0.01 * line.peak_pressure(200.0, DEPTH)
+    frames = clean + rng.normal(0.0, noise, clean.shape)
+    layer = Layer('zz', DEPTH, None, 0.0, noise)
+    records = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
+        frames, array, [layer])
+    assert records['valid'].all() and np.isfinite(records['shear_force_x']).all()
+    offset, yaw = place.T
+    off = records['x'] * np.cos(yaw) + records['y'] * np.sin(yaw) - offset
+    assert np.sqrt(np.mean(off**2)) < 0.015e-3  # .2 mm without the shear
+    claimed = np.sqrt(records['covariance'][:, 0, 0] + records['covariance'][:, 1, 1])
+    # Slightly large, because unknown gains may scatter.
+    assert np.sqrt(np.mean((off / claimed) ** 2)) == pytest.approx(0.9, abs=0.2)

@@ -268,3 +268,21 @@ def test_an_arm_that_starts_at_a_joint_limit_says_so():
         assert status.reason.code == ReasonCode.MOTION_BLOCKED
         assert re.match(r'joint_[235] is at its (lower|upper) limit, -?\d', status.reason.detail)
         assert 1.0 <= loop.now - 1.0 <= 1.4 + retreat  # the retreat is blocked as well
+
+
+def test_dead_sensor_holds_within_150_ms_and_resumes_on_command():
+    loop = steady()
+    loop.sensor_alive = False
+    died = loop.now
+    loop.run(None, 0.15)
+    assert held(loop, ReasonCode.STALE_IMAGE)
+    assert loop.now - died == pytest.approx(0.15, abs=0.01)
+    assert moved(loop, 0.3) < 1e-4
+    loop.run(None, 2.0)
+    assert loop.log[-1].force == 0.0  # it has lifted off
+    loop.sensor_alive = True
+    assert moved(loop, 0.3) < 1e-4  # after a long hold nothing moves unasked
+    assert held(loop, ReasonCode.INPUT_BACK) and 'resume' in loop.servo.reason.detail
+    assert loop.servo.pause(False, loop.now)
+    loop.run(None, 5.0)
+    assert loop.servo.success

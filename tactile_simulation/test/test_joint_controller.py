@@ -298,3 +298,10 @@ def test_a_clock_that_leaps_is_not_caught_up_with():
     play(robot, 0.1)
     robot.run_to(START + 1e6)
     np.testing.assert_allclose(robot.commanded[0], [0.5, -0.5])
+
+
+def test_points_of_the_past_are_left_out():
+    robot = playing(trajectory(
+        [0.1, 0.3], [[0.5, 0], [0.7, 0]], stamp_ns=NOW_NS - 196_000_000))
+    robot.step(START + PERIOD)
+    np.testing.assert_allclose(robot.commanded[0, 0], 0.6, atol=1e-9)

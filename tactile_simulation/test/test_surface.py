@@ -17,7 +17,7 @@ from tactile_servo.laws.surface_config import (
     SurfaceConfig,
 )
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
-from tactile_servo.reasons import GoalRefused
+from tactile_servo.reasons import GoalRefused, ReasonCode
 from tactile_servo.tactile_jacobian.features import ModelFeatures
 from tactile_servo.tactile_jacobian.jacobian import Increments
 from tactile_servo.tactile_jacobian.table import build_table, grid
@@ -318,3 +318,13 @@ def test_the_command_runs_a_surface(capsys, tmp_path):
     summary = json.loads(capsys.readouterr().out)
     assert summary['law'] == 'tactile_jacobian' and summary['surface_rms'] < 2e-4
     assert plot.read_bytes().startswith(b'\x89PNG')
+
+
+def test_images_that_cannot_be_used_end_in_a_hold():
+    simulation = Simulation(scene_of(SPHERE))
+    simulation.run(line(length=0.1), 5.0, until=lambda status: status.progress > 0.01)
+    assert simulation.servo.state == State.TRACK
+    simulation.sensor_alive = False
+    status = simulation.run(None, 0.3)
+    assert status.state == State.HOLD and status.reason.code == ReasonCode.STALE_IMAGE
+    assert not status.twist.any()
