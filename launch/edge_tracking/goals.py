@@ -5,7 +5,7 @@ from typing import Any
 
 from geometry_msgs.msg import Vector3
 
-from tactile_common.config import bounded, one_of
+from tactile_common.config import bounded, documented, one_of
 from tactile_common.polyline import arc_length
 from tactile_msgs.action import TrackEdge, TrackSurface
 from tactile_servo.control.surface_path import raster, spiral
@@ -24,13 +24,11 @@ class SurfaceWay:
     pattern: str = one_of('line', 'way over the surface', PATTERNS)
     heading: float = bounded(
         0.5 * math.pi, 'of a line or of rows, from base x about base z', 'rad', -7.0, 7.0)
-    duration: float = field(default=0.0, metadata={
-        'doc': 'time to track; 0 = no bound', 'unit': 's'})
-    size: tuple[float, ...] = field(default=(0.06, 0.06), metadata={
-        'doc': 'of a raster along and across its rows; radius of a spiral', 'unit': 'm'})
-    step_over: float = field(default=0.006, metadata={
-        'doc': 'between rows of a raster or turns of a spiral', 'unit': 'm'})
-    features: str = field(default='', metadata={'doc': 'name of taught features to keep'})
+    duration: float = documented(0.0, 'time to track; 0 = no bound', 's')
+    size: tuple[float, ...] = documented(
+        (0.06, 0.06), 'of a raster along and across its rows; radius of a spiral', 'm')
+    step_over: float = documented(0.006, 'between rows of a raster or turns of a spiral', 'm')
+    features: str = documented('', 'name of taught features to keep')
 
 
 @dataclass(frozen=True)
@@ -38,16 +36,13 @@ class TrackConfig:
     """Goal of the servo, and how long and how often its client tries."""
 
     action: str = one_of('track_edge', 'of the servo', ACTIONS)
-    speed: float = field(default=0.03, metadata={
-        'doc': 'along the edge, over the surface', 'unit': 'm/s'})
-    force: float = field(default=5.0, metadata={'doc': 'normal force on the pad', 'unit': 'N'})
+    speed: float = documented(0.03, 'along the edge, over the surface', 'm/s')
+    force: float = documented(5.0, 'normal force on the pad', 'N')
     direction: int = bounded(1, "+1 or -1 along the sensor's y, of an edge", '', -1, 1)
-    length: float = field(default=0.0, metadata={
-        'doc': f'way to track; 0 = until the edge ends, {1e3 * LINE_LENGTH:g} mm of a surface',
-        'unit': 'm'})
-    closed: bool = field(default=False, metadata={
-        'doc': 'end when the contour closes on its start'})
-    retreat: bool = field(default=True, metadata={'doc': 'lift off at the end'})
+    length: float = documented(
+        0.0, f'way to track; 0 = until the edge ends, {1e3 * LINE_LENGTH:g} mm of a surface', 'm')
+    closed: bool = documented(False, 'end when the contour closes on its start')
+    retreat: bool = documented(True, 'lift off at the end')
     client_timeout: float = bounded(
         1.0, 'the servo ends the goal when its client is silent for so long; 0 = never', 's',
         0.0, LONGEST_SILENCE)
@@ -57,8 +52,7 @@ class TrackConfig:
     resumes: int = bounded(
         0, 'how often a servo that holds, and could continue, is asked to; above 0 only for a '
         'robot that nobody is near', '', 0, 10000)
-    record: str = field(default='', metadata={
-        'doc': 'new folder that everything is recorded into while the goal runs'})
+    record: str = documented('', 'new folder that everything is recorded into while the goal runs')
 
 
 def goal_message(c: TrackConfig) -> TrackEdge.Goal | TrackSurface.Goal:

@@ -4,7 +4,7 @@ Live view: a read-only web page with tactile image, contact, path, force, state 
 Also publishes `image/view`, the image with the contact drawn in, while someone subscribes.
 """
 from array import array
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from importlib import resources
 import json
@@ -23,7 +23,7 @@ from edge_tracking.resources import NAMESPACE
 from edge_tracking.web.page import COLOURS, INVALID, levels, make_page, packed
 from edge_tracking.web.server import NOTHING, Server
 from tactile_common.command_line import Parser, refusing
-from tactile_common.config import bounded
+from tactile_common.config import bounded, documented
 from tactile_common.errors import TactileError
 from tactile_common.ros.cdr import unpacked
 from tactile_common.ros.conversions import stamp_to_ns
@@ -52,8 +52,9 @@ PALETTE = np.vstack([np.column_stack([
 class ViewConfig:
     """Address of the page."""
 
-    host: str = field(default='127.0.0.1', metadata={
-        'doc': 'address to serve at; where others reach it a token is asked for, see the log'})
+    host: str = documented(
+        '127.0.0.1',
+        'address to serve at; where others reach it a token is asked for, see the log')
     port: int = bounded(8088, 'to serve at; 0 = any that is free', '', 0, 65535)
 
 

@@ -35,6 +35,11 @@ def bounded(default: Any, doc: str = '', unit: str = '', low: float = -math.inf,
         metadata={'doc': doc, 'unit': unit, 'range': (low, high), 'live': live})
 
 
+def documented(default: Any, doc: str, unit: str = '') -> Any:
+    """Return a dataclass field without bounds."""
+    return dataclasses.field(default=default, metadata={'doc': doc, 'unit': unit})
+
+
 def one_of(default: str, doc: str, choices: Iterable[str]) -> Any:
     """Return a dataclass field for one of several texts."""
     return dataclasses.field(default=default, metadata={'doc': doc, 'choices': tuple(choices)})

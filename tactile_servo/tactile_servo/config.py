@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from tactile_common.config import bounded, checked
+from tactile_common.config import bounded, checked, documented
 
 SLOWEST = 1e-4  # m/s
 # Time without an image or joint state, or without seeing what is tracked, after which the servo
@@ -93,9 +93,9 @@ class ServoConfig:
     retreat: RetreatConfig = field(default_factory=RetreatConfig)
     input: InputConfig = field(default_factory=InputConfig)
     hold: HoldConfig = field(default_factory=HoldConfig)
-    self_test: bool = field(default=True, metadata={
-        'doc': 'press and release the pad once as it has touched, and compare with its stiffness, '
-               'before it moves along anything'})
+    self_test: bool = documented(
+        True, 'press and release the pad once as it has touched, and compare with its stiffness, '
+        'before it moves along anything')
 
 
 def check_goal(speed: float, force: float, config: ServoConfig) -> None:

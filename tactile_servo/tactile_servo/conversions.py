@@ -28,7 +28,7 @@ from tactile_msgs.action import TrackEdge, TrackSurface
 from tactile_msgs.msg import ServoCalls, ServoStatus
 from tactile_servo.journal import Journal
 from tactile_servo.law import Touch
-from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal, SurfaceResult
+from tactile_servo.laws.surface_goal import SurfaceGoal, SurfaceResult
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import EdgeGoal, Status, Timing
@@ -141,11 +141,10 @@ def _progress(status: ServoStatus) -> dict[str, Any]:
 
 
 def surface_goal_from_msg(message: TrackSurface.Goal) -> SurfaceGoal:
-    """Convert a TrackSurface goal message to a SurfaceGoal; an unknown pattern stays an int."""
-    number, direction = message.pattern, message.direction
+    """Convert a TrackSurface goal message to a SurfaceGoal."""
+    direction = message.direction
     return SurfaceGoal(
-        message.speed, message.force,
-        Pattern(number) if number in list(Pattern) else int(number),
+        message.speed, message.force, int(message.pattern),
         (direction.x, direction.y, direction.z), message.length, message.duration,
         (float(message.size[0]), float(message.size[1])), message.step_over,
         np.array([(point.x, point.y, point.z) for point in message.points]).reshape(-1, 3),

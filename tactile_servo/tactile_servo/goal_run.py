@@ -127,7 +127,7 @@ class GoalRun:
             self.statistics.move(self._inputs.pose, reference.heading,
                                  phase in TRACKING and phase is not Phase.SEARCH)
         else:
-            self.statistics.stand()
+            self.statistics.interrupt()
 
     def _standstill(self) -> Reason | None:
         """Return why the robot must stop, independently of the law, or None."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tactile_common.config import bounded, one_of
+from tactile_common.config import bounded, documented, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
@@ -31,30 +31,29 @@ class JointsConfig:
 class WorkspaceConfig:
     """Box in which the sensor's origin stays."""
 
-    lower: tuple[float, ...] = field(default=(-10.0, -10.0, -10.0), metadata={
-        'doc': 'corner of the box that the sensor stays in, in the base frame', 'unit': 'm',
-        'range': (-10.0, 10.0)})
-    upper: tuple[float, ...] = field(default=(10.0, 10.0, 10.0), metadata={
-        'doc': 'opposite corner', 'unit': 'm', 'range': (-10.0, 10.0)})
+    lower: tuple[float, ...] = bounded(
+        (-10.0, -10.0, -10.0), 'corner of the box that the sensor stays in, in the base frame',
+        'm', -10.0, 10.0)
+    upper: tuple[float, ...] = bounded((10.0, 10.0, 10.0), 'opposite corner', 'm', -10.0, 10.0)
 
 
 @dataclass(frozen=True)
 class NodeConfig:
     """Parameters of the node: robot, law and topics."""
 
-    robot_description: str = field(default='', metadata={
-        'doc': 'URDF of the robot with the sensor: its text, or the path of a file'})
+    robot_description: str = documented(
+        '', 'URDF of the robot with the sensor: its text, or the path of a file')
     law: str = one_of(DEFAULT, 'servo law', LAWS)
-    tip_frame: str = field(default='tactile_pad', metadata={
-        'doc': 'frame of the sensor: x along columns, y along rows, z out of the skin'})
-    controller: str = field(default='/joint_trajectory_controller', metadata={
-        'doc': 'name of the joint trajectory controller'})
-    wrist: str = field(default='', metadata={
-        'doc': 'topic (WrenchStamped) of a force sensor at the wrist, which the pad is compared '
-               'with; empty: there is none'})
-    shared_topics: tuple[str, ...] = field(default=(), metadata={
-        'doc': 'those among image, contact, /joint_states and the topic of the trajectories that '
-               'may have several publishers; for all others the servo holds'})
+    tip_frame: str = documented(
+        'tactile_pad', 'frame of the sensor: x along columns, y along rows, z out of the skin')
+    controller: str = documented(
+        '/joint_trajectory_controller', 'name of the joint trajectory controller')
+    wrist: str = documented(
+        '', 'topic (WrenchStamped) of a force sensor at the wrist, which the pad is compared '
+        'with; empty: there is none')
+    shared_topics: tuple[str, ...] = documented(
+        (), 'those among image, contact, /joint_states and the topic of the trajectories that '
+        'may have several publishers; for all others the servo holds')
     joints: JointsConfig = field(default_factory=JointsConfig)
     workspace: WorkspaceConfig = field(default_factory=WorkspaceConfig)
 

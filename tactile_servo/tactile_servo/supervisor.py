@@ -22,7 +22,6 @@ from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
 from tactile_servo.journal import Call, Journal
 from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw, Teachable
-from tactile_servo.laws.surface_goal import Pattern
 from tactile_servo.motion.delay import LATEST
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionStep
@@ -319,7 +318,7 @@ class Supervisor:
         if call == Call.START:
             if self.state is State.DONE:  # with other settings the last goal may end earlier
                 self.finish()
-            self.start(goal_of(self.law.goal_type, json.loads(text)), time)
+            self.start(self.law.goal_type(**json.loads(text)), time)
         elif call == Call.FINISH:
             self.finish()
         elif call == Call.CANCEL:
@@ -345,13 +344,3 @@ class Supervisor:
             self.see_wrench(np.array(json.loads(text)), time)
         elif call == Call.NOTED and reason is not None:
             self.note(reason)
-
-
-def goal_of(kind: type, values: dict[str, Any]) -> Any:
-    """Create a goal from its fields in JSON."""
-    if 'points' in values:
-        values['points'] = np.array(values['points'], dtype=float).reshape(-1, 3)
-        pattern = values['pattern']
-        values['pattern'] = Pattern(pattern) if pattern in list(Pattern) else pattern
-    return kind(**{name: tuple(value) if isinstance(value, list) else value
-                   for name, value in values.items()})

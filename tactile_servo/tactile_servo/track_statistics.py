@@ -43,7 +43,7 @@ class TrackStatistics:
         if on_edge:
             self.tracked_length = self.length
 
-    def stand(self) -> None:
+    def interrupt(self) -> None:
         """Do not count the distance from here to the place where tracking continues."""
         self._last_position = None
 

@@ -98,23 +98,23 @@ def test_a_straight_edge_is_mapped_in_the_base_frame():
     assert edge_map.path.end is PathEnd.VIEW and not edge_map.closed
 
 
-def test_where_the_pad_stands_on_the_path():
+def test_where_the_pad_is_on_the_path():
     base = np.eye(4)
     base[:3, :3] = Rotation.from_rotvec([2.9, 0.4, -0.3]).as_matrix()
     base[:3, 3] = [0.3, -0.2, 0.4]
     edge_map, _ = walk(LINE, straight(20), base)
     ahead = pose_at((5e-4, 21e-3), base)
-    stand = edge_map.stand(pose_at((5e-4, 19e-3), base), ahead, edge_map.station,
-                           edge_map.station, (0.0, 4e-3))
+    place = edge_map.locate(pose_at((5e-4, 19e-3), base), ahead, edge_map.station,
+                            edge_map.station, (0.0, 4e-3))
     # The plane is the first pad's, 5e-4 m beside the edge.
-    assert stand.here == pytest.approx(edge_map.station, abs=1e-6)
-    assert stand.ahead == pytest.approx(stand.here + 2e-3, abs=1e-5)
-    assert stand.aside == pytest.approx((-5e-4, 0.0), abs=0.02e-3)
-    np.testing.assert_allclose(stand.there, edge_map.plane @ ahead, atol=1e-12)
-    assert stand.way == pytest.approx((0.0, 1.0), abs=0.02)
-    np.testing.assert_allclose(edge_map.way_in_base(*stand.along), base[:3, 1], atol=0.02)
+    assert place.here == pytest.approx(edge_map.station, abs=1e-6)
+    assert place.ahead == pytest.approx(place.here + 2e-3, abs=1e-5)
+    assert place.aside == pytest.approx((-5e-4, 0.0), abs=0.02e-3)
+    np.testing.assert_allclose(place.there, edge_map.plane @ ahead, atol=1e-12)
+    assert place.way == pytest.approx((0.0, 1.0), abs=0.02)
+    np.testing.assert_allclose(edge_map.way_in_base(*place.along), base[:3, 1], atol=0.02)
     # Beyond what was seen the edge goes straight on.
-    assert stand.length == pytest.approx(0.0254, rel=1e-3)
+    assert place.length == pytest.approx(0.0254, rel=1e-3)
 
 
 def test_a_corner_is_found_ahead_of_the_pad():

@@ -173,7 +173,7 @@ def test_goal_messages():
         speed=0.05, force=4.0, pattern=1, direction=Vector3(x=1.0), size=[0.06, 0.05],
         step_over=0.004, points=[Point(x=1.0, y=2.0, z=3.0)], features='soft', retreat=True)
     goal = surface_goal_from_msg(message)
-    assert goal.pattern is Pattern.RASTER and goal.size == (0.06, 0.05)
+    assert goal.pattern == Pattern.RASTER and goal.size == (0.06, 0.05)
     assert goal.direction == (1.0, 0.0, 0.0) and goal.points.tolist() == [[1.0, 2.0, 3.0]]
     assert goal.features == 'soft' and goal.retreat
     assert surface_goal_from_msg(TrackSurface.Goal(pattern=77)).pattern == 77

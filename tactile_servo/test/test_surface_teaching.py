@@ -11,7 +11,7 @@ from tactile_sensing.types.image import TactileImage
 from tactile_servo.config import ServoConfig
 from tactile_servo.law import Observation, Teachable
 from tactile_servo.laws.registry import LAWS, make_law
-from tactile_servo.laws.surface_features import Told
+from tactile_servo.laws.surface_features import PadContact
 from tactile_servo.laws.surface_following import SurfaceFollowing
 from tactile_servo.laws.surface_goal import Pattern
 from tactile_servo.laws.surface_teaching import between
@@ -52,7 +52,7 @@ def test_features_are_gone_through_along_the_way(law):
 
 
 def test_several_aims_are_interpolated():
-    aims = [Told(force, np.full(2, force), np.zeros(3)) for force in (1.0, 3.0, 4.0)]
+    aims = [PadContact(force, np.full(2, force), np.zeros(3)) for force in (1.0, 3.0, 4.0)]
     for share, force in ((-1, 1.0), (0, 1.0), (0.25, 2.0), (0.5, 3.0), (0.75, 3.5), (2, 4.0)):
         aim = between(aims, share)
         assert aim.force == pytest.approx(force) and aim.place == pytest.approx([force] * 2)

@@ -32,7 +32,7 @@ def test_only_the_way_along_the_edge_and_each_picture_once_count():
     for x, y in ((0.0, 0.0), (0.01, 0.005), (0.02, -0.005)):
         statistics.move(pose_at(x, y), along)
     assert statistics.length == pytest.approx(0.02)
-    statistics.stand()
+    statistics.interrupt()
     statistics.move(pose_at(0.5, 0.0), along)
     assert statistics.length == pytest.approx(0.02)
     for stamp, lateral, force in ((1, 1e-3, 5.5), (1, 9.0, 99.0), (2, -2e-3, 4.5)):

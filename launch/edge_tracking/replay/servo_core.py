@@ -39,7 +39,7 @@ class Cycle:
     now_ns: int
     status: Any
     window: Any
-    told: bool = False  # True if its status was published
+    published: bool = False  # True if its status was published
 
 
 class ServoCore:
@@ -107,7 +107,7 @@ class ServoCore:
                 self._end_cycle(at)
                 self._cycle = Cycle(time, value, *self.servo.cycle(time, value))
             elif call == Call.STATUS and self._cycle:
-                self._cycle.told = True
+                self._cycle.published = True
             elif call == Call.LATE and self._cycle and self._cycle.window:
                 self.servo.motion.in_time(self._cycle.window, math.inf)
                 self._cycle.window = None
@@ -161,7 +161,7 @@ class ServoCore:
             self._output.message(
                 'joint_trajectory', at, packed(trajectory_to_msg(cycle.window)))
         news = cycle.status.state, cycle.status.reason
-        if cycle.told or news != (self._news or news):
+        if cycle.published or news != (self._news or news):
             status_to_msg(cycle.status, self.servo.law.name, UNKNOWN, self._status)
             set_stamp(self._status.header.stamp, cycle.now_ns)
             self._output.message('servo_status', at, packed(self._status))

@@ -73,7 +73,7 @@ def _at(known: np.ndarray, values: np.ndarray, stamps: np.ndarray) -> np.ndarray
 
 def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
     """Return the data of a run at some stamps [ns] for the script `player.js`, as JSON types."""
-    images, contacts, told = run.images, run.contacts, stages(run)
+    images, contacts, found = run.images, run.contacts, stages(run)
     array, series = images.array, force_series(run)
     frames = images.frames[_newest(images.stamp_ns, stamps)] if array else images.frames[:0]
     top = float(np.nanmax(frames, initial=0.0))
@@ -93,7 +93,7 @@ def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
         'force': packed(force, '<f4'), 'force_scale': scale, 'unit': unit,
         'path': packed(_at(run.poses.stamp_ns, run.poses.position, stamps), '<f4'),
         'touched': packed(touched[thinned(len(touched), MAX_POINTS)], '<f4'),
-        'stages': [[stage.state.name.lower(), stage.reason] for stage in told],
-        'stage': packed(_newest(np.array([stage.begin for stage in told], np.int64), stamps),
+        'stages': [[stage.state.name.lower(), stage.reason] for stage in found],
+        'stage': packed(_newest(np.array([stage.begin for stage in found], np.int64), stamps),
                         '<i4'),
         'first': int(np.nanargmax(force)) if np.isfinite(force).any() else 0}

@@ -3,7 +3,7 @@ const find = name => document.getElementById(name), WAY_POINTS = 3000, PERIOD = 
 let newest = null, drawn = null, heard = 0, path = [];
 const view = turnable(find('way'), () => { drawn = null; });
 
-function told(name, text) { find(name).textContent = text; }
+function say(name, text) { find(name).textContent = text; }
 
 function number(value, factor, digits, unit) {
   return Number.isFinite(value) ? `${(factor * value).toFixed(digits)} ${unit}` : '';
@@ -12,21 +12,23 @@ function number(value, factor, digits, unit) {
 function draw() {
   requestAnimationFrame(draw);
   const age = (performance.now() - heard) / 1e3;
-  told('age', !newest ? 'waiting for a sensor' : age < 1 ? 'live'
+  say('age', !newest ? 'waiting for a sensor' : age < 1 ? 'live'
     : `nothing new for ${age.toFixed(0)} s`);
   if (!newest || newest === drawn) return;
   drawn = newest;
   const {image, contact, status} = newest;
   if (image) {
     drawImage(find('image'), image, decoded(image.levels, Uint8Array), contact && contact.place);
-    told('sensor', `${image.sensor}: ${image.rows} \u00d7 ${image.columns}, `
-      + `${image.rate.toFixed(0)} Hz, darkest ${image.top.toPrecision(3)} ${image.unit}` + (image.tared ? '' : ', not tared'));
+    say('sensor', `${image.sensor}: ${image.rows} \u00d7 ${image.columns}, `
+      + `${image.rate.toFixed(0)} Hz, darkest ${image.top.toPrecision(3)} ${image.unit}`
+      + (image.tared ? '' : ', not tared'));
   }
-  told('contact', contact ? [contact.type, contact.reasons,
+  say('contact', contact ? [contact.type, contact.reasons,
     ...['x', 'y'].map(axis => contact.place
-      && `${axis} ${number(contact.place[axis], 1e3, 2, 'mm')}`), contact.place && number(contact.place.yaw, 180 / Math.PI, 1, '\u00b0'),
+      && `${axis} ${number(contact.place[axis], 1e3, 2, 'mm')}`),
+    contact.place && number(contact.place.yaw, 180 / Math.PI, 1, '\u00b0'),
     number(contact.force, 1, 2, 'N')].filter(Boolean).join(' \u00b7 ') : '');
-  told('servo', status ? [status.state, status.reason, number(status.speed, 1e3, 1, 'mm/s'),
+  say('servo', status ? [status.state, status.reason, number(status.speed, 1e3, 1, 'mm/s'),
     `${number(status.progress, 1e3, 1, 'mm')} so far`].filter(Boolean).join(' \u00b7 ')
     : 'no servo');
   if (path.length) {

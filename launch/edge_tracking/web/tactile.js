@@ -47,7 +47,7 @@ function drawContact(context, it, size, reach) {
   context.beginPath();
   if (Number.isFinite(it.yaw)) {
     const [c, s] = [Math.cos(it.yaw), Math.sin(it.yaw)], off = it.x * c + it.y * s;
-    const end = (told, other) => Number.isFinite(told) ? told : other;
+    const end = (given, other) => Number.isFinite(given) ? given : other;
     for (const along of [end(it.start, -reach), end(it.end, reach)]) {
       context.lineTo(off * c - along * s, off * s + along * c);
     }

@@ -27,11 +27,11 @@ PARTS = ('tactile_common', 'numpy', 'scipy', 'numba')  # versions are published
 
 @cache
 def _versions() -> str:
-    told = [f'Python {platform.python_version()}']
+    versions = [f'Python {platform.python_version()}']
     for name in PARTS:
         with suppress(PackageNotFoundError):  # of a source tree
-            told.append(f'{name} {version(name)}')
-    return ', '.join(told)
+            versions.append(f'{name} {version(name)}')
+    return ', '.join(versions)
 
 
 class _SurvivingPublisher(Publisher):

@@ -1,6 +1,6 @@
 """Driver of a tactile array: reads raw counts from a port or topic, publishes tactile images."""
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import os
 import threading
 import time
@@ -13,7 +13,7 @@ from rclpy.lifecycle import LifecycleNodeMixin, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from std_srvs.srv import Trigger
 
-from tactile_common.config import bounded, one_of
+from tactile_common.config import bounded, documented, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
@@ -33,30 +33,25 @@ _LAST_READ = 2.0
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
-def _documented(default: Any, doc: str) -> Any:
-    return field(default=default, metadata={'doc': doc})
-
-
 @dataclass(frozen=True)
 class DriverConfig:
     """Parameters of the driver node."""
 
-    port: str = _documented(
+    port: str = documented(
         '', 'Serial port of the sensor, for instance /dev/ttyUSB0, or '
         'usb:VENDOR:PRODUCT[:SERIAL NUMBER]; must be given unless `topic` is')
-    topic: str = _documented(
+    topic: str = documented(
         '', 'Topic of raw images that another driver publishes, in place of a port')
     protocol: str = one_of(
         'flexitac', f'Byte protocol of the sensor: {", ".join(PROTOCOLS)}', PROTOCOLS)
-    options: str = _documented(
-        '', 'Options of the protocol, for instance `stamp=us checksum=true`')
+    options: str = documented('', 'Options of the protocol, for instance `stamp=us checksum=true`')
     baud: int = bounded(0, "Line speed; 0 = the protocol's", 'bit/s', 0, 12_000_000)
-    sensor: str = _documented('flexitac', 'Name of the sensor')
-    frame_id: str = _documented('tactile_pad', 'Sensor frame')
-    calibration: str = _documented('', "Calibration file; empty = the protocol's, of this package")
-    tare_at_start: bool = _documented(True, 'Tare as soon as frames without load arrive')
-    track_drift: bool = _documented(False, 'Tare again and again while nothing touches the pad')
-    autostart: bool = _documented(
+    sensor: str = documented('flexitac', 'Name of the sensor')
+    frame_id: str = documented('tactile_pad', 'Sensor frame')
+    calibration: str = documented('', "Calibration file; empty = the protocol's, of this package")
+    tare_at_start: bool = documented(True, 'Tare as soon as frames without load arrive')
+    track_drift: bool = documented(False, 'Tare again and again while nothing touches the pad')
+    autostart: bool = documented(
         True, 'Configure and activate at the start; else a lifecycle manager does')
 
     def __post_init__(self) -> None:

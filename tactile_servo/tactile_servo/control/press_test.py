@@ -64,12 +64,12 @@ class PressTest:
                         if load > TOUCHING * self._least])
         if len(way) < 4:
             return 'it was not felt long enough'
-        actual, told = (way - way.mean(axis=0)).T
+        actual, shown = (way - way.mean(axis=0)).T
         square = float(actual @ actual)
         if square == 0.0:
             return 'the pad was not seen to be released'
-        slope = float(actual @ told) / square
-        left = told - slope * actual
+        slope = float(actual @ shown) / square
+        left = shown - slope * actual
         doubt = SURE * math.sqrt(float(left @ left) / (len(way) - 2) / square)
         if slope + doubt < 1.0 / UNLIKE or slope - doubt > UNLIKE:
             return f'the force changes by {slope:.2g} of what the stiffness says'

@@ -25,7 +25,7 @@ NO_RIDGE = Reason(ReasonCode.EDGE_LOST, 'no ridge in the picture')
 ELSEWHERE = Reason(ReasonCode.EDGE_LOST, 'the picture shows no ridge along the path')
 
 
-class Stand(NamedTuple):
+class PathPosition(NamedTuple):
     """Measured and commanded position of a pad on the path."""
 
     there: np.ndarray  # (4, 4), commanded pose of the pad in the plane
@@ -161,8 +161,8 @@ class EdgeMap:
         """True if the path has reached its start."""
         return self.path is not None and self.path.end is PathEnd.CLOSED
 
-    def stand(self, pose: np.ndarray, commanded: np.ndarray, here: float, ahead: float,
-              move: tuple[float, float] = (0.0, 0.0)) -> Stand:
+    def locate(self, pose: np.ndarray, commanded: np.ndarray, here: float, ahead: float,
+              move: tuple[float, float] = (0.0, 0.0)) -> PathPosition:
         """
         Locate the pad on the path, for a measured and a commanded pose (4, 4) in the base frame.
 
@@ -170,7 +170,7 @@ class EdgeMap:
         the pad is computed after a displacement `move` x, y of the commanded pose [m].
         """
         scale, there = self.scale, np.empty((4, 4))
-        return Stand(there, *path_queries.stand(
+        return PathPosition(there, *path_queries.locate(
             self.path.nodes, self._near, self.plane, pose, commanded, scale.half_x, scale.half_y,
             scale.grain, here, ahead, move, there))
 

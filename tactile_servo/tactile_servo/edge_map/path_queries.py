@@ -29,14 +29,14 @@ SHORTEST_CHORD = 0.05  # least length that determines a direction
 
 
 @njit(cache=True)
-def stand(nodes: Records, near: np.ndarray, plane: np.ndarray, pose: np.ndarray,
+def locate(nodes: Records, near: np.ndarray, plane: np.ndarray, pose: np.ndarray,
           commanded: np.ndarray, half_x: float, half_y: float, grain: float, here: float,
           ahead: float, move: Way, there: np.ndarray) -> tuple[float, Way, Way, float, Way, float]:
     """
-    Compute the values of a `Stand`: measured and commanded position of a pad on a path.
+    Compute the values of a `PathPosition`: measured and commanded position of a pad on a path.
 
     One call gives all values of a control cycle, because calls cost more than the computation.
-    For the arguments see `EdgeMap.stand`; `nodes` and `near` (N,), (M,) are the path and its part
+    For the arguments see `EdgeMap.locate`; `nodes` and `near` (N,), (M,) are the path and its part
     that the pad can reach. The pose (4, 4) of the commanded pad in the plane goes to `there`.
     """
     for i in range(4):

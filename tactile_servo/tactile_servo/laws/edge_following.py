@@ -183,13 +183,13 @@ class EdgeFollowing:
     def reference(self, pose: np.ndarray, commanded: np.ndarray, robot: Motion,
                   dt: float) -> Reference:
         edge, motion = self.sight.edge, self._motion
-        stand = edge.stand(pose, commanded, self._here, self._ahead, motion.soon())
+        place = edge.locate(pose, commanded, self._here, self._ahead, motion.soon())
         self._begun = True
-        along, normal, turn = self._mode.move(motion, stand, robot, dt)
+        along, normal, turn = self._mode.move(motion, place, robot, dt)
         if isinstance(self._mode, (Following, Coasting)):
-            self._here, self._ahead = stand.here, stand.ahead
-        to_own = stand.there[:3, :3].T
-        heading = edge.way_in_base(*stand.along)
+            self._here, self._ahead = place.here, place.ahead
+        to_own = place.there[:3, :3].T
+        heading = edge.way_in_base(*place.along)
         self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), heading, self._progress)
         return Reference(np.concatenate([to_own @ (*along, normal), to_own @ turn]),
                          motion.speed, heading)

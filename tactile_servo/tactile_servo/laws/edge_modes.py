@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactile_servo.config import PRESS_DEPTH
-from tactile_servo.edge_map.edge_map import Stand
+from tactile_servo.edge_map.edge_map import PathPosition
 from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.laws.edge_motion import EdgeMotion
 from tactile_servo.motion.motion import Motion
@@ -27,10 +27,10 @@ class Following:
 
     reason = Reason(ReasonCode.TRACKING)
 
-    def move(self, motion: EdgeMotion, stand: Stand, robot: Motion, dt: float) -> Wanted:
+    def move(self, motion: EdgeMotion, place: PathPosition, robot: Motion, dt: float) -> Wanted:
         """Return the motion of the next cycle."""
-        return (motion.along(stand, robot, dt), motion.press(stand, dt),
-                motion.turn(stand, robot, dt))
+        return (motion.along(place, robot, dt), motion.press(place, dt),
+                motion.turn(place, robot, dt))
 
 
 class Coasting:
@@ -51,11 +51,11 @@ class Coasting:
         # another half diagonal the edge has left the pad.
         return self._way - unseen >= PAD_LEFT * scale.half + 2.0 * END_MARGIN * scale.grain
 
-    def move(self, motion: EdgeMotion, stand: Stand, robot: Motion, dt: float) -> Wanted:
+    def move(self, motion: EdgeMotion, place: PathPosition, robot: Motion, dt: float) -> Wanted:
         """Return the motion of the next cycle."""
-        velocity = motion.along(stand, robot, dt, may_lift=True)
+        velocity = motion.along(place, robot, dt, may_lift=True)
         self._way += motion.speed * dt
-        return velocity, motion.press(stand, dt, may_press=False), STILL
+        return velocity, motion.press(place, dt, may_press=False), STILL
 
 
 class Searching:
@@ -70,7 +70,7 @@ class Searching:
         """Return True if the search has gone too far."""
         return self._way > SEARCH_REACH * scale.half
 
-    def move(self, motion: EdgeMotion, stand: Stand, robot: Motion, dt: float) -> Wanted:
+    def move(self, motion: EdgeMotion, place: PathPosition, robot: Motion, dt: float) -> Wanted:
         """Return the motion of the next cycle."""
         speed, pull = min(SEARCH, motion.goal.speed), motion.sight.edge.picture.pull
         assert pull is not None  # without a pull the law does not search
@@ -92,9 +92,9 @@ class ReachingDown:
         """True if the allowed depth is reached, less the reserve for the stop."""
         return self._depth > PROBED_DEPTH * PRESS_DEPTH
 
-    def move(self, motion: EdgeMotion, stand: Stand, robot: Motion, dt: float) -> Wanted:
+    def move(self, motion: EdgeMotion, place: PathPosition, robot: Motion, dt: float) -> Wanted:
         """Return the motion of the next cycle."""
-        there = stand.there
+        there = place.there
         self._begin = self._begin if self._begin.size else there.copy()
         way, normal = (there - self._begin)[:3, 3], self._begin[:3, 2]
         self._depth = float(way @ normal)

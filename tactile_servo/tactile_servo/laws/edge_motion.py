@@ -12,7 +12,7 @@ from tactile_servo.control.force_controller import (
     touch_speed,
 )
 from tactile_servo.control.scaling import caution, clipped
-from tactile_servo.edge_map.edge_map import Stand
+from tactile_servo.edge_map.edge_map import PathPosition
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.laws.edge_config import EdgeFollowingConfig
 from tactile_servo.laws.edge_sight import EdgeSight, Load
@@ -81,7 +81,7 @@ class EdgeMotion:
         x, y = self.velocity
         return x / self.config.force.gain, y / self.config.force.gain
 
-    def along(self, stand: Stand, robot: Motion, dt: float, *,
+    def along(self, place: PathPosition, robot: Motion, dt: float, *,
               may_lift: bool = False) -> tuple[float, float]:
         """
         Return the velocity x, y along the path and back to it [m/s].
@@ -93,20 +93,20 @@ class EdgeMotion:
         # A second leg that reaches the pad adds its load suddenly: slow down before.
         share = min(load.coming / min(scale.half_x, scale.half_y), 1.0)
         top = goal.speed - max(goal.speed - ENTRY, 0.0) * share
-        distance = math.hypot(*stand.aside)
+        distance = math.hypot(*place.aside)
         off = (distance / scale.grain - ON_PATH) / (ASTRAY - ON_PATH)
         top *= caution(max(pressed, 1.0) if may_lift else pressed, off)
         top = min(top, AGILE * NORMAL / max(abs(self.sight.slope), 1e-9))  # on a slope
         most = min(self.config.speed.acceleration, robot.across())
-        top = edge.speed_limit(stand.ahead, top, AGILE * most,
+        top = edge.speed_limit(place.ahead, top, AGILE * most,
                                BLIND if edge.path.end is PathEnd.VIEW else top,
                                self.config.path.corner_cut, settle=CORNER_SETTLE)
         self.speed = speed = min(top, self.speed + AGILE * most * dt)
-        ux, uy = edge.way(stand.ahead, stand.ahead + LOOK_AHEAD * scale.grain + speed * dt)
+        ux, uy = edge.way(place.ahead, place.ahead + LOOK_AHEAD * scale.grain + speed * dt)
         # Return to the path slowly enough to stop there.
         back = min(self.config.path.lateral_gain * distance, math.sqrt(most * distance),
                    RETURN_SPEED) / max(distance, 1e-9)
-        x, y = stand.aside
+        x, y = place.aside
         return self._change(speed * ux + back * x, speed * uy + back * y, most * dt)
 
     def _change(self, x: float, y: float, most: float) -> tuple[float, float]:
@@ -134,13 +134,13 @@ class EdgeMotion:
         length = max(self.sight.load.length, SHORTEST * min(edge.scale.half_x, edge.scale.half_y))
         return force / (edge.skin_stiffness * length)
 
-    def press(self, stand: Stand, dt: float, *, may_press: bool = True) -> float:
+    def press(self, place: PathPosition, dt: float, *, may_press: bool = True) -> float:
         """Return the velocity along the normal that keeps the force [m/s]."""
         sight, goal = self.sight, self.goal
-        load, scale, depth = sight.load, sight.edge.scale, stand.there.item(2, 3)
+        load, scale, depth = sight.load, sight.edge.scale, place.there.item(2, 3)
         missing = missing_depth(
-            goal.force, load, half=min(scale.half_x, scale.half_y), length=stand.length,
-            pressed=depth - sight.height - sight.slope * (stand.ahead - sight.station),
+            goal.force, load, half=min(scale.half_x, scale.half_y), length=place.length,
+            pressed=depth - sight.height - sight.slope * (place.ahead - sight.station),
             skin_stiffness=sight.edge.skin_stiffness)
         off = goal.force - load.force
         give = self._force.speed(
@@ -152,9 +152,9 @@ class EdgeMotion:
             may_press=may_press and sight.problem is None)
         return clipped(give + sight.slope * self.speed, -NORMAL, NORMAL)
 
-    def turn(self, stand: Stand, robot: Motion, dt: float) -> np.ndarray:
+    def turn(self, place: PathPosition, robot: Motion, dt: float) -> np.ndarray:
         """Return the angular velocity (3,) that aligns the pad with the edge [rad/s]."""
-        error = off_edge(stand.there, stand.way, self.sight.slope, self.goal.direction,
+        error = off_edge(place.there, place.way, self.sight.slope, self.goal.direction,
                          self.config.attitude.max_turn)
         return self._attitude.rate(
             error, np.zeros(3), dt, min(TURN_ACCELERATION, TURNING * robot.turning()))

@@ -1,7 +1,7 @@
 """User settings of probe, robot and task for the laws that follow a surface."""
 from dataclasses import dataclass, field
 
-from tactile_common.config import bounded
+from tactile_common.config import bounded, documented
 
 
 @dataclass(frozen=True)
@@ -18,9 +18,9 @@ class ProbeConfig:
 class JacobianConfig:
     """Source of the Jacobian."""
 
-    table: str = field(default='', metadata={
-        'doc': 'file made by build_jacobian_table, whose nearest entry is taken; empty: the '
-               "Jacobian at the pad's centre, of a half-space on the probe's tangent plane"})
+    table: str = documented(
+        '', 'file made by build_jacobian_table, whose nearest entry is taken; empty: the '
+        "Jacobian at the pad's centre, of a half-space on the probe's tangent plane")
 
 
 @dataclass(frozen=True)

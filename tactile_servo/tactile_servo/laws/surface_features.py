@@ -32,8 +32,8 @@ LEAST_CONTACT = 0.04  # least force of a contact, as a share of the wanted force
 BEYOND = 1.1  # largest distance of a valid contact from the centre, as a share of half the pad
 
 
-class Told(NamedTuple):
-    """Contact computed from features."""
+class PadContact(NamedTuple):
+    """Contact on the pad, computed from features."""
 
     force: float  # N
     place: np.ndarray  # (2,), on the pad [m]
@@ -41,7 +41,7 @@ class Told(NamedTuple):
 
 
 class Felt(NamedTuple):
-    """Contact of one image: the fields of `Told`, and its position in the base frame."""
+    """Contact of one image: the fields of `PadContact`, and its position in the base frame."""
 
     force: float
     place: np.ndarray
@@ -73,11 +73,11 @@ class ContactSense:
             loading_cases(model, centre, Increments(stiffness=self.stiffness)),
             scale_for(self._kind, self.force, half, self.stiffness)).inverse
 
-    def tell(self, features: np.ndarray) -> Told:
+    def contact_of(self, features: np.ndarray) -> PadContact:
         """Return the contact for features (3,)."""
         inverse = self.table.nearest(features) if self.table else self._inverse
         error = inverse @ (self.centred - features)
-        return Told(max(self.force - self.stiffness * error[2], 0.0), -error[:2], error)
+        return PadContact(max(self.force - self.stiffness * error[2], 0.0), -error[:2], error)
 
     def look(self, image: TactileImage, pose: np.ndarray) -> Felt | Reason:
         """Return the contact of an image at a pose (4, 4), or the reason why there is none."""
@@ -87,13 +87,13 @@ class ContactSense:
         shown = features_of(pressure, self.array, self._kind)
         if not shown[0] > LEAST_CONTACT * self.force:
             return Reason(ReasonCode.CONTACT_LOST)
-        told = self.tell(shown)
-        if not (np.isfinite(told.error).all()
-                and abs(told.place[0]) <= BEYOND * self.array.half_width_x
-                and abs(told.place[1]) <= BEYOND * self.array.half_width_y):
+        contact = self.contact_of(shown)
+        if not (np.isfinite(contact.error).all()
+                and abs(contact.place[0]) <= BEYOND * self.array.half_width_x
+                and abs(contact.place[1]) <= BEYOND * self.array.half_width_y):
             return Reason(ReasonCode.CONTACT_LOST, 'it is not on the pad')
         rotation = pose[:3, :3]
-        return Felt(*told, rotation @ self.dome.direction(told.place),
+        return Felt(*contact, rotation @ self.dome.direction(contact.place),
                     pose[:3, 3] + rotation @ self.dome.centre, _area(pressure, self.array))
 
     def depth(self, force: float) -> float:

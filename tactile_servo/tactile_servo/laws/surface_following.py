@@ -32,7 +32,7 @@ from tactile_servo.law import (
     Touch,
 )
 from tactile_servo.laws.surface_config import SurfaceConfig
-from tactile_servo.laws.surface_features import ContactSense, Felt, Told
+from tactile_servo.laws.surface_features import ContactSense, Felt, PadContact
 from tactile_servo.laws.surface_goal import (
     Pattern,
     plan_path,
@@ -40,7 +40,7 @@ from tactile_servo.laws.surface_goal import (
     SurfaceGoal,
     SurfaceResult,
 )
-from tactile_servo.laws.surface_motion import CENTRED, LIFT, PRESS, ROLL_RATE, STAND, SurfaceMotion
+from tactile_servo.laws.surface_motion import CENTRED, LIFT, PRESS, ROLL_RATE, STOP, SurfaceMotion
 from tactile_servo.laws.surface_record import Record
 from tactile_servo.laws.surface_teaching import between, Lessons
 from tactile_servo.motion.motion import Motion
@@ -62,7 +62,7 @@ OVERFORCE = 2.5  # times the wanted force, above which the goal ends once the fo
 class Going:
     """State of one goal."""
 
-    wanted: Sequence[Told]  # wanted contacts, from first to last
+    wanted: Sequence[PadContact]  # wanted contacts, from first to last
     felt: Felt | None = None  # newest contact
     shown: float = -math.inf  # steady time of the newest contact [s]
     problem: Reason | None = None  # why the newest image shows no contact
@@ -72,7 +72,7 @@ class Going:
     end: Assessment | None = None  # set when the path has ended
     over: bool = False  # True after the goal: contacts during lift-off are not recorded
     stall: Stall = field(default_factory=Stall)
-    aim: Told = field(init=False)  # contact that is wanted now
+    aim: PadContact = field(init=False)  # contact that is wanted now
 
     def __post_init__(self) -> None:
         self.aim = self.wanted[0]
@@ -142,14 +142,14 @@ class SurfaceFollowing:
         self._stale = image_patience(sensor.nominal_rate)
         self._sense = ContactSense(sensor.array, self._dome, self.config, goal.force, self._table)
         features = self._lessons.named(goal.features, goal.force) or [self._sense.centred]
-        self._going = Going([self._sense.tell(shown) for shown in features])
+        self._going = Going([self._sense.contact_of(shown) for shown in features])
         self._surface, self._press, self._record = (
             SurfaceFilter(), PressCheck(), Record(self.config.probe))
         self._motion = SurfaceMotion(
             self.config, self._dome, self._surface, sensor.array.half_width_x, self._age)
 
     def resume(self) -> None:
-        self._motion.stand()
+        self._motion.reset()
         self._press.forget()
         self._going.stall.seen = None
 
@@ -233,7 +233,7 @@ class SurfaceFollowing:
         step = going.path.step(point, normal, RETURN_RATE, motion.speed)
         if step is None:
             going.end = done(ReasonCode.NO_PROGRESS, 'the surface is too steep for the path')
-            step = STAND
+            step = STOP
         elif step.left <= 0.0:
             going.end = done(ReasonCode.PATH_COMPLETED, success=True)
         speed = motion.advance(

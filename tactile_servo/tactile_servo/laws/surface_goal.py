@@ -35,7 +35,7 @@ class SurfaceGoal:
 
     speed: float  # speed over the surface [m/s]
     force: float  # N
-    pattern: Pattern | int = Pattern.LINE
+    pattern: int = Pattern.LINE
     direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  # in the base frame, any norm
     length: float = 0.0  # length of a line [m]; 0 = until `duration`
     duration: float = 0.0  # time from first contact to the end [s]; 0 = unlimited
@@ -64,7 +64,7 @@ def refuse_surface_goal(goal: SurfaceGoal) -> Refusal | None:
     if goal.pattern not in list(Pattern):
         return _invalid(f'pattern {goal.pattern} is none of {", ".join(p.name for p in Pattern)}')
     square = float(np.dot(goal.direction, goal.direction))
-    if goal.pattern is not Pattern.POINTS and not 1e-12 < square < math.inf:
+    if goal.pattern != Pattern.POINTS and not 1e-12 < square < math.inf:
         return _invalid(f'direction {tuple(goal.direction)} has no direction')
     if goal.pattern == Pattern.LINE and goal.length == goal.duration == 0.0:
         return _invalid('a line needs a length or a duration')

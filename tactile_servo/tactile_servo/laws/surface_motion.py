@@ -10,7 +10,7 @@ from tactile_servo.control.scaling import caution
 from tactile_servo.control.surface_filter import SurfaceFilter
 from tactile_servo.control.surface_path import Step
 from tactile_servo.laws.surface_config import SurfaceConfig
-from tactile_servo.laws.surface_features import Felt, Told
+from tactile_servo.laws.surface_features import Felt, PadContact
 from tactile_servo.motion.motion import Motion, Pace
 
 # Share of the force:
@@ -35,7 +35,7 @@ BRAKED, SLOWED = 0.8, 0.02  # for slowing down, and its least deceleration [m/s^
 # The turn accelerates as `speed.acceleration` asks for on a radius of 33 mm [rad/m]; speeding up
 # may use a share of it.
 TURNS, AT_ONCE = 30.0, 0.7
-STAND = Step(np.zeros(3), 0.0, math.inf)
+STOP = Step(np.zeros(3), 0.0, math.inf)
 
 
 class SurfaceMotion:
@@ -51,13 +51,13 @@ class SurfaceMotion:
         self.age = age  # running mean of the images' age [s]
         self._force = ForceController(config.force.gain, INTEGRAL, PRESS, LIFT)
         self._attitude = AttitudeController(ROLL, ROLL_RATE)
-        self.stand()
+        self.reset()
 
     def retune(self, config: SurfaceConfig) -> None:
         """Use new gains from now on."""
         self._force.gain = config.force.gain
 
-    def stand(self) -> None:
+    def reset(self) -> None:
         """Reset all controllers to standstill."""
         self._force.reset()
         self._attitude.reset()
@@ -92,7 +92,7 @@ class SurfaceMotion:
         course = self._twist(way, np.cross(normal, self._surface.bend @ way), commanded[:3, :3])
         return robot.along(course, self._speed, BENDING)
 
-    def advance(self, step: Step, felt: Felt, aim: Told, wanted: float, pace: Pace,
+    def advance(self, step: Step, felt: Felt, aim: PadContact, wanted: float, pace: Pace,
                 dt: float) -> float:
         """
         Return the speed of the contact along a path [m/s], at most the wanted one.
@@ -131,7 +131,7 @@ class SurfaceMotion:
         reach = math.sqrt(2.0 * self.config.speed.blind / max(self._surface.bend_std(way), 1e-9))
         return reach / (self.age + ANSWER)
 
-    def press(self, pose: np.ndarray, commanded: np.ndarray, felt: Felt, aim: Told,
+    def press(self, pose: np.ndarray, commanded: np.ndarray, felt: Felt, aim: PadContact,
               wanted: float, depth: float | None, dt: float) -> float:
         """
         Return the velocity along the normal [m/s] that controls the depth to `wanted` [m].
@@ -150,7 +150,7 @@ class SurfaceMotion:
             may_press=math.hypot(*felt.place) <= ASIDE * self._half)
 
     def twist(self, way: np.ndarray, normal: np.ndarray, press: float, commanded: np.ndarray,
-              aim: Told, robot: Motion, dt: float) -> np.ndarray:
+              aim: PadContact, robot: Motion, dt: float) -> np.ndarray:
         """
         Return the twist (6,) in the sensor's frame, for a direction (3,) and a normal (3,).
 

@@ -8,7 +8,7 @@ import numpy as np
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
-from tactile_servo.laws.surface_features import pressure_of, Told
+from tactile_servo.laws.surface_features import PadContact, pressure_of
 from tactile_servo.reasons import Reason
 from tactile_servo.tactile_jacobian.features import FeatureKind, features_of
 from tactile_servo.tactile_jacobian.table import JacobianTable
@@ -65,13 +65,13 @@ class Lessons:
         return [self._shown[name] for name in names]
 
 
-def between(wanted: Sequence[Told], share: float) -> Told:
+def between(wanted: Sequence[PadContact], share: float) -> PadContact:
     """Interpolate between the wanted contacts, at a share of the path from 0 to 1."""
     place = min(max(share, 0.0), 1.0) * (len(wanted) - 1)
     k = min(math.floor(place), len(wanted) - 2)
     if k < 0:
         return wanted[0]
     was, will, part = wanted[k], wanted[k + 1], place - k
-    return Told(was.force + part * (will.force - was.force),
+    return PadContact(was.force + part * (will.force - was.force),
                 was.place + part * (will.place - was.place),
                 was.error + part * (will.error - was.error))

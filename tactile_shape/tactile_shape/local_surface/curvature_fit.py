@@ -161,13 +161,13 @@ class Fitter:
             self._left[unseen] = self._left[:, unseen] = 0.0
             self._left[unseen, unseen] = 1.0 / PRIOR_CURVATURE**2
 
-    def _scatter(self, curvature: np.ndarray, told: float) -> float:
+    def _scatter(self, curvature: np.ndarray, known: float) -> float:
         """Return the standard deviation of positions [m], larger if heights scatter more."""
         weights, heights = self._weights, self._rows[0]
         if len(weights) < ENOUGH:
-            return told
+            return known
         residual = heights[:, 6] - heights[:, :6] @ [*self.flat(curvature), *curvature]
-        return max(told, math.sqrt(weights @ residual**2 / (len(weights) - _HEIGHTS_SPENT)))
+        return max(known, math.sqrt(weights @ residual**2 / (len(weights) - _HEIGHTS_SPENT)))
 
 
 def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,

@@ -1,12 +1,12 @@
 """Simulated robot behind the topics of a joint_trajectory_controller."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from tactile_common.config import bounded
+from tactile_common.config import bounded, documented
 from tactile_common.errors import Rejected
 from tactile_common.ros.conversions import stamp_from_ns
 from tactile_common.ros.node import TactileNode
@@ -14,6 +14,7 @@ from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_servo.conversions import joint_state_to_msg, trajectory_from_msg
 from tactile_servo.motion.robot import RobotModel
+from tactile_servo.robot_config import NodeConfig
 from tactile_simulation.joint_controller import Late, MockController, RATE
 from tactile_simulation.scene import load_scene
 from tactile_simulation.world import Plant
@@ -23,17 +24,16 @@ from tactile_simulation.world import Plant
 class MockRobotConfig:
     """Parameters of the mock robot."""
 
-    robot_description: str = field(default='', metadata={
-        'doc': 'URDF of the robot: path of a file, or the XML itself'})
-    tip_frame: str = field(default='tactile_pad', metadata={
-        'doc': 'link of the URDF that is the sensor frame'})
-    scene: str = field(default='', metadata={
-        'doc': "scene file that gives the start pose of the sensor and the plant; '' = none: "
-        'the robot begins in the middle of its limits'})
+    robot_description: str = documented('', 'URDF of the robot: path of a file, or the XML itself')
+    tip_frame: str = documented(
+        NodeConfig.tip_frame, 'link of the URDF that is the sensor frame')
+    scene: str = documented(
+        '', "scene file that gives the start pose of the sensor and the plant; '' = none: "
+        'the robot begins in the middle of its limits')
     rate: float = bounded(
         RATE, 'rate of the controller and of the joint states', 'Hz', 10.0, 2000.0)
-    controller: str = field(default='/joint_trajectory_controller', metadata={
-        'doc': 'name of the controller; its topic is joint_trajectory below it'})
+    controller: str = documented(
+        NodeConfig.controller, 'name of the controller; its topic is joint_trajectory below it')
 
 
 class MockRobotNode(TactileNode):

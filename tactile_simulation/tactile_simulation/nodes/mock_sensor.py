@@ -1,5 +1,5 @@
 """Simulated tactile sensor node that sends a device's bytes on a pseudo-terminal."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import itertools
 import sys
 import threading
@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped
 import numpy as np
 from rclpy.qos import qos_profile_sensor_data
 
-from tactile_common.config import bounded, one_of
+from tactile_common.config import bounded, documented, one_of
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns
 from tactile_common.ros.node import TactileNode
@@ -35,13 +35,10 @@ _KEPT_POSES = 2000  # enough for one second at any rate of the robot
 class MockSensorConfig:
     """Parameters of the mock sensor; `port` and `scene` are required."""
 
-    port: str = field(default='', metadata={
-        'doc': 'path of the link to the pseudo-terminal, which the driver opens'})
+    port: str = documented('', 'path of the link to the pseudo-terminal, which the driver opens')
     protocol: str = one_of(next(iter(PROTOCOLS)), 'byte protocol to speak', PROTOCOLS)
-    options: str = field(default='', metadata={
-        'doc': 'options of the protocol, as for the driver'})
-    scene: str = field(default='', metadata={
-        'doc': 'YAML file of the scene that the sensor touches'})
+    options: str = documented('', 'options of the protocol, as for the driver')
+    scene: str = documented('', 'YAML file of the scene that the sensor touches')
     rate: float = bounded(200.0, 'frames per second', 'Hz', 1e-3, MAX_RATE)
     seed: int = bounded(0, 'seed of the noise', '', 0, 2**31 - 1)
 
