@@ -26,7 +26,6 @@ EASED = 1e-4  # relative weight of squared errors along a motion that is slowed 
 TAKE_OVER = 0.5  # relative to the damping: weight of the null space, free to replace a joint
 PUSH_ZONE = 0.15  # share of a joint's range at either end, which a redundant arm avoids
 PUSH = 4.0  # motion of a joint at its limit per (weighted) metre of the sensor [rad/m]
-UNIT_TWISTS = np.eye(6)
 PUSH_SPEED = 0.1  # largest such velocity, as a share of the joint's velocity limit
 
 
@@ -116,22 +115,6 @@ class BoundedInverse:
         return np.minimum(PUSH * way, PUSH_SPEED * limits.velocity) * (low - high)
 
 
-def allowed_acceleration(jacobian: np.ndarray, acceleration: np.ndarray,
-                         axes: tuple[int, ...]) -> float:
-    """
-    Return the acceleration of the sensor that is possible in any direction of some of its axes.
-
-    It is computed [m/s^2 or rad/s^2] for a start from rest, with no other motion of the sensor, so
-    that no joint exceeds its acceleration (n,) [rad/s^2]. It is infinite if the Jacobian (6, n) is
-    not finite. The `axes` are indices of a twist.
-    """
-    still = np.zeros(jacobian.shape[1])
-    rates = np.array([_least_squares(jacobian, UNIT_TWISTS[k], still, DAMPING, ROTATION_LENGTH)[0]
-                      for k in axes])
-    return float(np.fmin.reduce(
-        acceleration / np.maximum(np.sqrt((rates**2).sum(axis=0)), 1e-12), initial=np.inf))
-
-
 @njit(cache=True)
 def _least_squares(jacobian: np.ndarray, twist: np.ndarray, push: np.ndarray, damping: float,
                    rotation_length: float) -> tuple[np.ndarray, float]:
@@ -160,6 +143,29 @@ def _least_squares(jacobian: np.ndarray, twist: np.ndarray, push: np.ndarray, da
             for k in range(joints):
                 velocities[k] += share * left[j, i] * weighted[j, k]
     return velocities, math.sqrt(max(squared[max(0, 6 - joints)], 0.0))
+
+
+@njit(cache=True)
+def allowed_acceleration(jacobian: np.ndarray, acceleration: np.ndarray, first: int,
+                         end: int) -> float:
+    """
+    Return the acceleration of the sensor that is possible in any direction of some of its axes.
+
+    It is computed [m/s^2 or rad/s^2] for a start from rest, with no other motion of the sensor, so
+    that no joint exceeds its acceleration (n,) [rad/s^2]. It is infinite if the Jacobian (6, n) is
+    not finite. The axes are the indices of a twist from `first` to before `end`.
+    """
+    still, squared, least = np.zeros(acceleration.size), np.zeros(acceleration.size), np.inf
+    for axis in range(first, end):
+        twist = np.zeros(6)
+        twist[axis] = 1.0
+        rates, _ = _least_squares(jacobian, twist, still, DAMPING, ROTATION_LENGTH)
+        squared += rates * rates
+    for joint in range(acceleration.size):
+        possible = acceleration[joint] / max(math.sqrt(squared[joint]), 1e-12)
+        if possible < least:  # false for NaN
+            least = possible
+    return least
 
 
 def _eased(matrix: np.ndarray, way: np.ndarray) -> np.ndarray:

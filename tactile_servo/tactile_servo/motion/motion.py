@@ -137,11 +137,11 @@ class Motion:
 
     def across(self) -> float:
         """Return the acceleration across the sensor's normal that all joints allow [m/s^2]."""
-        return allowed_acceleration(self._now.jacobian, self._limits.acceleration, (0, 1))
+        return allowed_acceleration(self._now.jacobian, self._limits.acceleration, 0, 2)
 
     def turning(self) -> float:
         """Return the acceleration of a turn about the normal that all joints allow [rad/s^2]."""
-        return allowed_acceleration(self._now.jacobian, self._limits.acceleration, (5,))
+        return allowed_acceleration(self._now.jacobian, self._limits.acceleration, 5, 6)
 
     def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
         """
