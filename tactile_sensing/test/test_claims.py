@@ -86,6 +86,21 @@ def test_claims_without_a_fault_are_not_wide():
     assert 0.5 < over_claims(found, truth) < 1.1
 
 
+def test_an_edge_blunter_than_any_bump():
+    """The exponent of the bump is at its bound; this must not keep the yaw from converging."""
+    rng = np.random.default_rng(38)
+    truth = rng.uniform((-8e-3, -1.5), (8e-3, 1.5), (200, 2))
+    across = np.abs(X * np.cos(truth[:, 1, None, None]) + Y * np.sin(truth[:, 1, None, None])
+                    - truth[:, 0, None, None])
+    # Gaussian under the tool, and negative beside it, as a skin on bone bulges there.
+    frames = np.exp(-(across / 3.5e-3)**2) - 0.02 * np.exp(-((across - 7e-3) / 2.5e-3)**2)
+    found = ContactEstimator().estimate_batch(
+        frames + 0.01 * rng.standard_normal(frames.shape), ARRAY,
+        [Layer('zz', 0.0, None, noise_std=0.01)])
+    assert found['valid'].mean() > 0.95
+    assert over_claims(found, dict(zip(('offset', 'yaw'), truth.T, strict=True))) < HONEST
+
+
 def ending_edges(rng, count=COUNT):
     """Return the truth (count, 3), offset, yaw and end, and images without noise [Pa]."""
     force = FORCES[ContactType.LINE][1]

@@ -35,6 +35,7 @@ from tactile_sensing.skin.bumps import (
 
 STEPS = 8, 12  # largest number of steps: Gaussian, robust
 ANNEALED, COOLING = 5, 0.3  # steps with inflated variance; factor of its root at each step
+PINNED = 1e12  # factor of the information of a parameter at its bound
 SETTLED = 0.1  # converged if the last step moved no parameter by more [standard deviations]
 DRIFT = 0.05, 20.0  # prior of the baseline: share of the peak, multiple of the noise
 CONTRADICTED = 3.0  # a bounded reading that is off by more is an ordinary error [std. deviations]
@@ -150,6 +151,20 @@ def _step(theta: np.ndarray, step: np.ndarray, inverse: np.ndarray, beliefs: Bel
 
 
 @njit(error_model='numpy')
+def _pin(theta: np.ndarray, beliefs: Beliefs, matrix: np.ndarray, right: np.ndarray) -> int:
+    """Keep parameters at a bound that the gradient `right` points beyond; return their number."""
+    count = 0
+    for i in range(right.size):
+        p = beliefs.active[i]
+        if theta[p] >= beliefs.high[p] and right[i] > 0.0 or (
+                theta[p] <= beliefs.low[p] and right[i] < 0.0):
+            matrix[i, i] *= PINNED
+            right[i] = 0.0
+            count += 1
+    return count
+
+
+@njit(error_model='numpy')
 def unfitted(start: np.ndarray, noise2: np.ndarray, n: int) -> Fit:
     """Return an empty Fit of n parameters, to be filled."""
     tactels = noise2.size
@@ -214,7 +229,8 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
             penalty += prior[i] * off * off
             if prior[i] > 0.0:
                 volume += 0.5 * math.log(prior[i])
-        determinant = solve(matrix, right, fit.inverse, step)
+        pinned = _pin(theta, beliefs, matrix, right)
+        determinant = solve(matrix, right, fit.inverse, step) - pinned * math.log(PINNED)
         if not np.isfinite(determinant):
             return fit
         if done:
