@@ -15,3 +15,10 @@ def test_domains_are_each_held_once_until_the_process_ends():
     assert len({*own, *theirs}) == 6 and {*own, *theirs} <= set(DOMAINS)
     for child in children:
         child.communicate('\n')
+
+
+def test_the_domain_of_the_environment_may_be_a_robots(monkeypatch):
+    free = hold_domain() % len(DOMAINS)  # index of the next one
+    monkeypatch.setattr('os.getpid', lambda: free)
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(DOMAINS[free]))
+    assert hold_domain() != DOMAINS[free]

@@ -10,11 +10,14 @@ def hold_domain() -> int:
     """
     Reserve and return a ROS domain that no other process on this machine holds.
 
-    The domain is held until the process ends. Domains with a listening participant are skipped.
+    The domain is held until the process ends. Domains with a listening participant are skipped,
+    and so is ROS_DOMAIN_ID: a robot on another machine may use it.
     Raises a RuntimeError if none is left.
     """
     first = os.getpid() % len(DOMAINS)
     for domain in (*DOMAINS[first:], *DOMAINS[:first]):
+        if str(domain) == os.environ.get('ROS_DOMAIN_ID'):
+            continue
         # An abstract socket has no file. Its scope is the network namespace, like that of DDS,
         # and it disappears with the process.
         lock = socket.socket(socket.AF_UNIX)
