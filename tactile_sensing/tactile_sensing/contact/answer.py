@@ -16,7 +16,7 @@ from tactile_sensing.contact.hypotheses import search
 from tactile_sensing.contact.misfit import LOUD
 from tactile_sensing.contact.noise import hidden_scale, noise_of_image
 from tactile_sensing.contact.records import Hypothesis, Readings
-from tactile_sensing.contact.refusal import BAD_FIT, has_second_hill, NO_CONTACT
+from tactile_sensing.contact.refusal import BAD_FIT, NO_CONTACT, TWO_CONTACTS
 from tactile_sensing.image import moments_of
 from tactile_sensing.skin.bumps import (
     BEGIN,
@@ -41,7 +41,7 @@ MIN_SNR = 16.0  # a weaker load is not valid: its kind is uncertain [dB]
 QUIETER = 0.9  # fit again if the residual noise is below this share of the assumed noise
 LOW_SNR, DEAD_TACTELS = int(Reason.LOW_SNR), int(Reason.DEAD_TACTELS)
 FEW_TACTELS, SATURATED = int(Reason.FEW_TACTELS), int(Reason.SATURATED)
-TWO_CONTACTS, SKIN_MISMATCH = int(Reason.TWO_CONTACTS), int(Reason.SKIN_MISMATCH)
+SKIN_MISMATCH = int(Reason.SKIN_MISMATCH)
 NONE, IS_POINT, IS_LINE, OTHER = (int(kind) for kind in (
     ContactType.NONE, ContactType.POINT, ContactType.LINE, ContactType.OTHER))
 X, Y, YAW, NORMAL, SHEAR_X, SHEAR_Y, PER_LENGTH = ROW
@@ -202,8 +202,6 @@ def _answer(frame: np.ndarray, known: Sensor, saturated: int, kinds: np.ndarray,
             break
         noise = quieter
         readings.noise2[:] = quieter ** 2
-    if why & BAD_FIT and has_second_hill(frame[main], noise):
-        why |= TWO_CONTACTS
     record.type, record.reasons = OTHER, seen | why
     if one.evidence == -np.inf:
         return 0

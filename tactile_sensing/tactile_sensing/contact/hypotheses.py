@@ -134,8 +134,7 @@ def _fitted(pad: Pad, readings: Readings, beliefs: Beliefs, theta: np.ndarray) -
     """Fit one hypothesis; `_judged` adds its misfit and covariance."""
     fit = fit_load(pad, readings, beliefs, theta)
     return Hypothesis(beliefs, fit, fit.evidence - EXTRA * (beliefs.ends + beliefs.patch),
-                      residual_of(fit, readings), Misfit(0.0, 0.0, 0.0, 0.0, 0.0),
-                      np.zeros((0, 0)))
+                      residual_of(fit, readings), Misfit(0.0, 0.0, 0.0), np.zeros((0, 0)))
 
 
 @njit(error_model='numpy', inline='always')
@@ -158,7 +157,7 @@ def _nothing(readings: Readings, beliefs: Beliefs) -> Hypothesis:
     """Return a hypothesis without a fit."""
     fit = unfitted(np.zeros(beliefs.mean.size), readings.noise2, beliefs.active.size)
     return Hypothesis(beliefs, fit, -np.inf, Residual(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
-                      Misfit(0.0, 0.0, 0.0, 0.0, 0.0), np.zeros((0, 0)))
+                      Misfit(0.0, 0.0, 0.0), np.zeros((0, 0)))
 
 
 @njit(error_model='numpy')
@@ -196,8 +195,8 @@ def _search_sharp(pad: Pad, readings: Readings, scatter: float, guess: Guess,
 @njit(error_model='numpy')
 def _unexplained(one: Hypothesis) -> bool:
     """Return whether a load leaves more than noise and the usual scatter of the gains."""
-    return (one.misfit.significance > 2.0 or one.misfit.second > 5.0
-            or one.fit.scatter > 2.0 * one.beliefs.gain or one.misfit.hidden > SHOWN)
+    return (one.misfit.significance > 2.0 or one.fit.scatter > 2.0 * one.beliefs.gain
+            or one.misfit.hidden > SHOWN)
 
 
 @njit(error_model='numpy')

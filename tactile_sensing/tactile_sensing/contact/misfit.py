@@ -14,9 +14,7 @@ LOADED = 0.02  # share of the peak from which a tactel is examined for an error 
 ALLOWED, LARGEST = 0.1, 0.5  # prior standard deviation of d; largest d^2
 LOUD = 4.5  # a larger error of a tactel is not noise [standard deviations]
 SILENT = 0.7  # a dead tactel lacks at least this share of its load
-CLIPPED = 4.0  # largest contribution of a tactel to a second load [standard deviations]
 AWAY = 0.1  # share of the peak below which a tactel is away from the load
-FAINT = 0.03  # a second load must be above this share of the peak
 HALF_WIDTH = 0.64  # half width at half height of a line on a half-space [depths]
 PATCHES = 90  # integration steps over the variance of a patch
 BINS = 4  # per correlation length, across a line
@@ -230,35 +228,24 @@ def _hidden_patch(fit: Fit, covariance: np.ndarray) -> float:
 
 
 @njit(error_model='numpy')
-def _second_load(pad: Pad, fit: Fit, noise2: np.ndarray,
-                 peak: float) -> tuple[float, float, float]:
-    """Return `Misfit.second`, `apart` and `extra`: a load that the fit treated as outliers."""
+def _apart(pad: Pad, fit: Fit, noise2: np.ndarray, peak: float) -> float:
+    """Return `Misfit.apart`; the fit treats a second load as outliers. One tactel is no load."""
     rows, columns = pad.y.size, pad.x.size
-    left, over = np.zeros((rows, columns)), np.zeros((rows, columns))
-    power = 0.0
+    over = np.zeros((rows, columns))
     for i in range(rows * columns):
-        power += fit.model[i] ** 2
         if fit.weight[i] > 0.0:
-            deviation = math.sqrt(fit.variance[i] + (FAINT * peak) ** 2)
-            left[i // columns, i % columns] = min(max(fit.error[i] / deviation, 0.0), CLIPPED)
             over[i // columns, i % columns] = fit.error[i] - LOUD * math.sqrt(noise2[i])
-    most = apart = extra = 0.0
+    apart = 0.0
     for r in range(rows):
         for c in range(columns):
-            total = around = 0.0
-            for i in range(max(r - 1, 0), min(r + 2, rows)):
-                for j in range(max(c - 1, 0), min(c + 2, columns)):
-                    total += left[i, j]
-                    if i != r or j != c:
-                        around = max(around, over[i, j])
-            most = max(most, total / 3.0)
-            if over[r, c] > 0.0:  # a single tactel is no load
-                shared = min(over[r, c], around)
-                extra += shared ** 2
-                if fit.model[r * columns + c] < AWAY * peak:
-                    apart = max(apart, shared / peak)
-    return most, apart, math.sqrt(extra / max(power, 1e-300))
-
+            if fit.model[r * columns + c] < AWAY * peak:
+                around = 0.0
+                for i in range(max(r - 1, 0), min(r + 2, rows)):
+                    for j in range(max(c - 1, 0), min(c + 2, columns)):
+                        if i != r or j != c:
+                            around = max(around, over[i, j])
+                apart = max(apart, min(over[r, c], around) / peak)
+    return apart
 
 
 @njit(error_model='numpy')
@@ -335,6 +322,5 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
     for i in range(n):
         for j in range(n):
             covariance[index[i], index[j]] = small[i, j]
-    second, apart, extra = _second_load(pad, fit, readings.noise2, peak)
     significance = agreed / deviation if deviation > 0.0 else 0.0
-    return Misfit(significance, hidden, second, apart, extra), covariance
+    return Misfit(significance, hidden, _apart(pad, fit, readings.noise2, peak)), covariance

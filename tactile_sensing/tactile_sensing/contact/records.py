@@ -71,9 +71,7 @@ class Misfit(NamedTuple):
 
     significance: float  # of d, the shared error as share of the pressure [standard deviations]
     hidden: float  # probability of a patch that is not fitted
-    second: float  # residual summed over the worst 3 x 3 tactels [standard deviations]
     apart: float  # highest unexplained pressure away from the load, relative to its peak
-    extra: float  # RMS of the unexplained pressure, relative to that of the load
 
 
 class Hypothesis(NamedTuple):

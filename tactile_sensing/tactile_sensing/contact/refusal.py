@@ -5,13 +5,13 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.beliefs import widest
 from tactile_sensing.contact.errors import NU
 from tactile_sensing.contact.records import Hypothesis, Readings
-from tactile_sensing.skin.bumps import chord, EXPONENT, loaded_chord, Pad, POINT, Q0, Q1, WIDTH
+from tactile_sensing.skin.bumps import chord, loaded_chord, Pad, POINT, Q0, Q1
 from tactile_sensing.types.contact import Reason
 
 BAD_FIT, NO_CONTACT, OFF_PAD = int(Reason.BAD_FIT), int(Reason.NO_CONTACT), int(Reason.OFF_PAD)
+TWO_CONTACTS = int(Reason.TWO_CONTACTS)
 DOUBT = 3.0  # a sharp load with a higher significance of d is not sufficient
 EXTRA = 3.0  # log evidence that a patch, ends or a load must gain
 # Refused: significance of d above the first value and residual share above the second.
@@ -21,10 +21,7 @@ NOISY = 0.1  # a larger share of tactels beyond noise is not explained by broken
 DRIFTED, PLAIN = 20.0, 8.0
 # Height of a second hill: share of the first. Its rise: share of its height, multiple of noise.
 HILL, SADDLE, RISE = 0.2, 0.3, 6.0
-# Refused as a second load: above any of these values of Misfit.
-SECOND = 7.0  # standard deviations
-APART = 0.05  # relative to the peak of the first
-EXTRA_LOAD = 0.4  # relative to the first
+APART = 0.05  # a higher unexplained pressure away from the load is a second load [of its peak]
 SHORTEST = 3.0  # shortest line on the pad [pitches]
 
 
@@ -87,22 +84,18 @@ def _presses(pad: Pad, readings: Readings) -> bool:
 
 
 @njit(error_model='numpy')
-def _left_alone(pad: Pad, one: Hypothesis) -> bool:
-    """Return whether the residual of a load is small enough."""
-    left, misfit, theta = one.residual, one.misfit, one.fit.theta
-    if (one.fit.weight > 0.0).sum() <= one.beliefs.active.size:  # too few readings for a test
-        return False
+def _bad_fit(pad: Pad, readings: Readings, one: Hypothesis) -> int:
+    """Return BAD_FIT if the residual of a load is too large, TWO_CONTACTS too if that is why."""
+    wrong = one.misfit.apart > APART or one.residual.loud > NOISY or (
+        (one.fit.weight > 0.0).sum() <= one.beliefs.active.size)  # too few readings for a test
     for significance, share in WRONG:
-        if misfit.significance > significance:
-            if left.left > share:
-                return False
-            break
-    if left.loud > NOISY or (
-            misfit.second > SECOND or misfit.extra > EXTRA_LOAD or misfit.apart > APART):
-        return False
-    return not one.beliefs.power or (
-        theta[WIDTH] <= math.log(0.98 * widest(pad))
-        and not (misfit.significance > DOUBT and theta[EXPONENT] < math.log(1.71)))
+        wrong |= one.misfit.significance > significance and one.residual.left > share
+    if not wrong:
+        return 0
+    size = pad.x.size * pad.y.size
+    first = size * np.argmax(pad.levers[:, 0])  # of the layer of pressure
+    image = readings.value[first:first + size].reshape(pad.y.size, pad.x.size)
+    return BAD_FIT | TWO_CONTACTS * has_second_hill(image, math.sqrt(readings.noise2[first]))
 
 
 @njit(error_model='numpy')
@@ -111,8 +104,9 @@ def refusal(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     theta = one.fit.theta
     if one.beliefs.robust and is_nothing(readings, one.evidence):
         return BAD_FIT if _presses(pad, readings) else NO_CONTACT
-    if not _left_alone(pad, one):
-        return BAD_FIT
+    wrong = _bad_fit(pad, readings, one)
+    if wrong:
+        return wrong
     if one.beliefs.kind == POINT:
         return OFF_PAD * (abs(theta[Q0]) > pad.half_x or abs(theta[Q1]) > pad.half_y)
     low, high = chord(pad, theta[Q0], theta[Q1])
