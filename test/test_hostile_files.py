@@ -26,8 +26,8 @@ from tactile_simulation.scene import load_scene
 
 def read_bag(path):
     with Bag(path) as bag:
-        for _ in bag.messages(bag.topics):
-            pass
+        for row in bag.messages(bag.topics):
+            row.message
 
 READERS = {'scene': load_scene, 'calibration': load_calibration, 'recording': load_recording,
            'frames': lambda path: ArrayReader(path, 'frames').chunks(1), 'contacts': load_contacts,

@@ -11,7 +11,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from edge_tracking.graph import Graph
-from edge_tracking.recording.topics import RecordedTopics
+from edge_tracking.recording.topics import GraphBag
 from edge_tracking.replay import play_bag
 from edge_tracking.replay.play_bag import Playback, PlayerNode, SETTLE
 from tactile_common.errors import ConfigurationError
@@ -69,9 +69,9 @@ def in_time(contact):
 @pytest.fixture
 def playing():
     """Give a function that plays a recording to both estimators."""
-    with Bag(CORNER) as bag, Graph() as graph:
+    with GraphBag(CORNER) as bag, Graph() as graph:
         def begin(**options):
-            own = {'bag': bag, 'names': RecordedTopics(bag), **options}
+            own = {'bag': bag, **options}
             listener = graph.add(ListenerNode)
             for kind in (ContactEstimatorNode, ShapeEstimatorNode):
                 graph.add(kind, use_sim_time=True)
@@ -138,11 +138,11 @@ class Rows:
     def __init__(self, damaged=False):
         self._damaged = damaged
 
-    def messages(self, topics, raw):
-        yield from (Recorded(topic, k * NS, b'') for topic in topics for k in (0, 1))
+    def messages(self, topics):
+        yield from (Recorded(topic, k * NS, b'', self) for topic in topics for k in (0, 1))
         if self._damaged:
             raise ConfigurationError('damaged')
-        yield from (Recorded(topic, 2 * NS, b'') for topic in topics)
+        yield from (Recorded(topic, 2 * NS, b'', self) for topic in topics)
 
 
 def played(playback, seconds, step=0.25):
@@ -191,11 +191,11 @@ def test_a_damaged_bag_ends_where_it_is_damaged(loop):
 
 @pytest.mark.graph
 def test_a_recording_begins_when_the_estimators_are_there_not_with_any_listener():
-    with Bag(CORNER) as bag, Graph() as graph:
+    with GraphBag(CORNER) as bag, Graph() as graph:
         listener = graph.add(ListenerNode)
         images = listener.create_subscription(TactileImage, 'image', lambda _: None, SENSOR)
         player = graph.add(PlayerNode, own={
-            'bag': bag, 'names': RecordedTopics(bag), 'rate': 5.0, 'wait_for': ('contact',)})
+            'bag': bag, 'rate': 5.0, 'wait_for': ('contact',)})
         it = Played(graph, player, listener)
         it.spin(lambda: len(listener.clocks) > 700)  # beyond the second that the time stops
         assert player.playback.now_ns == bag.span[0]
@@ -207,13 +207,12 @@ def test_a_recording_begins_when_the_estimators_are_there_not_with_any_listener(
 
 @pytest.mark.graph
 def test_contacts_of_a_recording_without_images_have_their_usual_name():
-    with Bag(CORNER) as bag, Graph() as graph:
-        names = RecordedTopics(bag)
-        del names.topic['image']
+    with GraphBag(CORNER) as bag, Graph() as graph:
+        del bag.topic['image']
         listener = graph.add(ListenerNode)
         graph.add(ShapeEstimatorNode, use_sim_time=True)
         it = Played(graph, graph.add(
-            PlayerNode, own={'bag': bag, 'names': names, 'rate': 5.0}), listener)
+            PlayerNode, own={'bag': bag, 'rate': 5.0}), listener)
         it.spin(lambda: it.player.playback.finished)
         it.spin(lambda: listener.patches)
         assert listener.contacts and not listener.recorded
@@ -247,8 +246,8 @@ def test_what_cannot_be_played_is_refused(arguments, said, capsys):
 def test_a_bag_that_cannot_be_read_on_is_played_up_to_there(playing, monkeypatch):
     messages = Bag.messages
 
-    def cut(*arguments, **options):
-        yield from islice(messages(*arguments, **options), 500)
+    def cut(*arguments):
+        yield from islice(messages(*arguments), 500)
         raise ConfigurationError('it ends here')
     monkeypatch.setattr(Bag, 'messages', cut)
     it = playing(loop=True)

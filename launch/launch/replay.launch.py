@@ -14,10 +14,9 @@ from edge_tracking.launch_interrupt import leave_interrupt_to_launch, PREFIX
 from edge_tracking.launch_nodes import as_text, ends_with
 from edge_tracking.parameters import parameters_of
 from edge_tracking.recording.settings import Settings
-from edge_tracking.recording.topics import RecordedTopics
+from edge_tracking.recording.topics import GraphBag
 from edge_tracking.replay import play_bag
 from edge_tracking.transport import local_environment
-from tactile_common.ros.bag_reader import Bag
 
 SWITCH = ['true', 'false']
 # Package and first topic by node.
@@ -35,14 +34,13 @@ def actions(context):
         f'--{name.replace("_", "-")}' for name in ('loop', 'start_paused')
         if value(name) == 'true')]
     play_bag.parser().parse_args(arguments)  # refuses wrong arguments before anything is started
-    with Bag(value('bag')) as bag:
-        names = RecordedTopics(bag, value('namespace') or None)
-        names.require_touch(bag)
-        settings = Settings(bag, names)
-    common = {'namespace': names.prefix or '/', 'output': 'screen', 'prefix': PREFIX}
+    with GraphBag(value('bag'), value('namespace') or None) as bag:
+        bag.require_touch()
+        settings = Settings(bag)
+    common = {'namespace': bag.prefix or '/', 'output': 'screen', 'prefix': PREFIX}
     yield from (SetEnvironmentVariable(*it) for it in local_environment().items())
     estimators = {name: row for name, row in ESTIMATORS.items()
-                  if 'image' in names.topic or row[1] not in play_bag.OF_IMAGES}
+                  if 'image' in bag.topic or row[1] not in play_bag.OF_IMAGES}
     for name, (package, _) in estimators.items():
         recorded = settings.recorded.get(name, {})
         own = {it.name: recorded[it.name] for it in parameters_of(name, settings.law)
@@ -55,7 +53,7 @@ def actions(context):
         yield Node(package='edge_tracking', executable='view', exec_name='view',
                    parameters=[{'use_sim_time': True}], **common)
     player = Node(package='edge_tracking', executable='play_bag', exec_name='play_bag', arguments=[
-        *arguments, '--namespace', names.prefix,
+        *arguments, '--namespace', bag.prefix,
         '--wait-for', *(topic for _, topic in estimators.values())], **common)
     yield from (player, *ends_with(player))
 

@@ -79,8 +79,8 @@ def test_recorder_writes_every_message_in_order(context, tmp_path, make):
     with Bag(tmp_path / 'bag') as bag:
         assert bag.topics == {'/pose': 'geometry_msgs/msg/PoseStamped'}
         rows = list(bag.messages(['/pose']))
-    assert [message.pose.position.x for _, _, message in rows] == list(range(50))
-    times = [received for _, received, _ in rows]
+    assert [row.message.pose.position.x for row in rows] == list(range(50))
+    times = [row.received_ns for row in rows]
     assert times == sorted(times)
 
 
@@ -129,8 +129,8 @@ def test_latched_messages_of_before_are_recorded(context, tmp_path):
         yield
     record(context, tmp_path / 'bag', TOPICS[1:2], publish)
     with Bag(tmp_path / 'bag') as bag:
-        (_, _, message), = bag.messages(bag.topics)
-    assert message.sensor == 'pad'
+        (row,) = bag.messages(bag.topics)
+    assert row.message.sensor == 'pad'
 
 
 @pytest.mark.parametrize('message_class', [row[1] for row in TOPICS])

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from edge_tracking import record_bag
 from edge_tracking.graph import Graph
 from edge_tracking.recording.settings import Settings
-from edge_tracking.recording.topics import RecordedTopics
+from edge_tracking.recording.topics import GraphBag
 from edge_tracking.recording.writer import BagWriter
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag
@@ -21,8 +21,8 @@ from tactile_common.ros.conversions import set_stamp, stamp_to_ns
 
 def recorded(path):
     """Parameters by node, as far as they are in a bag that is being written."""
-    with suppress(ConfigurationError, OSError), Bag(path) as bag:
-        return Settings(bag, RecordedTopics(bag, 'left')).recorded
+    with suppress(ConfigurationError, OSError), GraphBag(path, 'left') as bag:
+        return Settings(bag).recorded
     return {}
 
 

@@ -19,10 +19,9 @@ from std_msgs.msg import String
 
 from edge_tracking.recording.writer import BagWriter
 from edge_tracking.replay.command import main
-from edge_tracking.replay.comparison import Comparison, distance, Encoded
+from edge_tracking.replay.comparison import Comparison, distance, Replayed
 from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.cdr import packed
-from tactile_common.ros.conversions import NS
 from tactile_common.ros.message_definitions import definition
 from tactile_msgs.msg import ServoCalls
 from tactile_servo.journal import Call
@@ -142,8 +141,8 @@ def copy_without(path, *names, more=()):
         to = {topic: writer.add_connection(
             topic, bag.topics[topic], msgdef=definition(bag.topics[topic]).text,
             rihs01=definition(bag.topics[topic]).digest) for topic in kept}
-        for row in bag.messages(kept, raw=True):
-            writer.write(to[row.topic], row.received_ns, row.message)
+        for row in bag.messages(kept):
+            writer.write(to[row.topic], row.received_ns, row.data)
         for topic, message in more:
             writer.write(to[topic], bag.span[1], packed(message))
 
@@ -229,7 +228,7 @@ def test_a_message_of_one_side_alone_differs_between_others():
     def at(second):
         message = Pose()
         message.header.stamp.sec = second
-        return Encoded(second * NS, packed(message), pytest.fail)  # equal bytes: not decoded
+        return Replayed(packed(message), type(None))  # equal bytes: not decoded
 
     def compared(*recorded, topic='contour', replayed=(1, 2, 3, 4, 5)):
         comparison = Comparison({})

@@ -39,21 +39,12 @@ def test_messages_come_in_order_from_the_topics_that_are_asked_for(write, storag
     with Bag(write(rows, storage)) as bag:
         assert bag.topics == dict.fromkeys(('/a/pose', '/b/pose', '/c'), TYPE)
         found = list(bag.messages({'/a/pose', '/b/pose', '/none'}))
-        raw = list(bag.messages(['/c'], raw=True))
+        (other,) = bag.messages(['/c'])
         assert list(bag.messages(['/none'])) == []
     assert [(row.topic, row.received_ns, row.message.pose.position.x) for row in found] == [
         ('/a/pose', 0, 0.0), ('/b/pose', 1_000_000_000, 1.0), ('/a/pose', 3_000_000_000, 3.0)]
     assert found[0].message.header.frame_id == 'base'
-    assert [bytes(row.message) for row in raw] == [rows[2][1]]
-
-
-def test_messages_are_read_one_after_the_other(write):
-    """The damage of a later message is met when that message is asked for, not before."""
-    with Bag(write([('/pose', pose(0)), ('/pose', b'junk')])) as bag:
-        messages = bag.messages(['/pose'])
-        assert next(messages).message.pose.position.x == 0.0
-        with pytest.raises(ConfigurationError):
-            next(messages)
+    assert bytes(other.data) == rows[2][1]
 
 
 @pytest.mark.parametrize('old, new, same', [
@@ -103,7 +94,8 @@ def test_bytes_after_the_last_value_are_passed_over(write):
 def test_a_damaged_message_is_told_with_its_topic_and_time(write, data, why):
     path = write([('/pose', pose(0)), ('/pose', data)])
     with Bag(path) as bag, pytest.raises(ConfigurationError) as caught:
-        list(bag.messages(['/pose']))
+        for row in bag.messages(['/pose']):
+            assert row.message.pose.position.x == 0.0
     text = str(caught.value)
     assert text.startswith(f'bag {path}: the message on /pose at 1.000000 s is damaged')
     assert '\n' not in text and why in text

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from tactile_common.errors import ConfigurationError, TactileError
-from tactile_common.ros.bag_reader import Bag, DAMAGE, Recorded
-from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns
+from tactile_common.errors import ConfigurationError
+from tactile_common.ros.bag_reader import Bag, Recorded
+from tactile_common.ros.conversions import pose_from_msg
 from tactile_sensing.conversions import contact_from_msg, image_from_msg
 from tactile_sensing.types.image import TactileImage
 
@@ -29,7 +29,6 @@ class Observation:
     kind: str  # 'image', 'contact' or 'sensor_pose'
     stamp_ns: int  # time of the measurement [ns]
     _row: Recorded
-    _bag: Bag
 
     def value(self) -> Any:
         """
@@ -38,10 +37,8 @@ class Observation:
         Raises a ConfigurationError if the message is damaged, or has an older definition that
         lacks a field.
         """
-        try:
+        with self._row.reading():
             return _CONVERTED[self.kind](self._row.message)
-        except (TactileError, *DAMAGE) as error:
-            raise self._bag.damaged(self._row.topic, self._row.received_ns, error) from error
 
 
 def observations(bag: Bag, topics: Mapping[str, str]) -> Iterator[Observation]:
@@ -52,11 +49,7 @@ def observations(bag: Bag, topics: Mapping[str, str]) -> Iterator[Observation]:
     ConfigurationError if the bag is damaged.
     """
     for row in bag.messages(topics):
-        try:
-            stamp_ns = stamp_to_ns(row.message.header.stamp)
-        except DAMAGE as error:
-            raise bag.damaged(row.topic, row.received_ns, error) from error
-        yield Observation(topics[row.topic], stamp_ns, row, bag)
+        yield Observation(topics[row.topic], row.stamp_ns, row)
 
 
 class RecordedImages:

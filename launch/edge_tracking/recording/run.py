@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from edge_tracking.recording.settings import Settings
-from edge_tracking.recording.topics import RecordedTopics
+from edge_tracking.recording.topics import GraphBag
 from tactile_common.errors import TactileError
-from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.conversions import pose_from_msg, stamp_to_ns, stamp_to_seconds
 from tactile_sensing.conversions import sensor_info_from_msg
 from tactile_sensing.types.array import TactelArray
@@ -175,29 +174,26 @@ def read_run(path: str | Path, namespace: str | None = None, *,
     Without `joints` the joint states are not read. Raises a ConfigurationError if there is no
     recording, or if it contains several sensors and no namespace is given.
     """
-    with Bag(path) as bag, bag.clear_errors():
-        topics = RecordedTopics(bag, namespace)
-        wanted = {topic: name for topic, name in topics.name.items()
+    with GraphBag(path, namespace) as bag, bag.clear_errors():
+        wanted = {topic: name for topic, name in bag.name.items()
                   if name in _READ and (joints or name != 'joint_states')}
         every = {name: -(-bag.count(topic) // MOST) or 1 for topic, name in wanted.items()
                  if name in _THINNED}
         rows, seen = defaultdict[str, list[Any]](list), Counter[str]()
         stamps = {name: array('q') for name in _STAMPED}
-        for row in bag.messages(wanted, raw=True):
+        for row in bag.messages(wanted):
             name = wanted[row.topic]
             if name in stamps:
-                stamps[name].append(bag.stamp_ns(row))
+                stamps[name].append(row.stamp_ns)
             seen[name] += 1
             if (seen[name] - 1) % every.get(name, 1):
                 continue
             if name in _NEWEST:
                 rows[name].clear()
-            try:
-                rows[name] += _READ[name](bag.unpacked(row))
-            except AttributeError as error:
-                raise bag.damaged(row.topic, row.received_ns, error) from error
+            with row.reading():
+                rows[name] += _READ[name](row.message)
         return RunData(
-            namespace=topics.prefix,
+            namespace=bag.prefix,
             start_ns=bag.span[0],
             images=_images(rows['image']),
             contacts=Contacts.of(rows['contact']),
@@ -212,7 +208,7 @@ def read_run(path: str | Path, namespace: str | None = None, *,
             stamps={name: np.asarray(known) for name, known in stamps.items()},
             every=every,
             goals=rows['servo_calls'],
-            parameters=Settings(bag, topics).recorded,
+            parameters=Settings(bag).recorded,
         )
 
 

@@ -8,11 +8,10 @@ from rclpy.parameter import parameter_value_to_python
 import yaml
 
 from edge_tracking.parameters import NODES, parameters_of, SERVO
-from edge_tracking.recording.topics import RecordedTopics
+from edge_tracking.recording.topics import GraphBag
 from tactile_common.config import did_you_mean
 from tactile_common.errors import ConfigurationError
 from tactile_common.parameter_file import ParameterFile, refuse_unknown
-from tactile_common.ros.bag_reader import Bag
 from tactile_servo.laws.registry import DEFAULT
 from tactile_servo.robot_config import NodeConfig
 
@@ -26,11 +25,11 @@ class Settings:
     Recorded are those with which each node of a bag began, and the changes by a replay.
     """
 
-    def __init__(self, bag: Bag, topics: RecordedTopics):
+    def __init__(self, bag: GraphBag):
         self.recorded: dict[str, dict[str, Any]] = {}
         self.changed: dict[str, dict[str, Any]] = {}
         with suppress(ConfigurationError, RuntimeError):  # reading all messages reports the error
-            for row in bag.messages([topics.topic.get('parameters', '')]):
+            for row in bag.messages([bag.topic.get('parameters', '')]):
                 message = row.message
                 node = message.node.rpartition('/')[2]
                 self.recorded.setdefault(node, _told(message.new_parameters)).update(

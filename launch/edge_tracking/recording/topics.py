@@ -1,4 +1,6 @@
 """Topics of the graph, and how to identify them in a recording."""
+from os import PathLike
+
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Path
@@ -51,17 +53,18 @@ def short_name(topic: str) -> str:
 KINDS = {short_name(name): kind for name, kind, _ in topics(NAMESPACE)}
 
 
-class RecordedTopics:
+class GraphBag(Bag):
     """
-    Topics of a recording by their names in this graph; topics of another type are ignored.
+    A bag of this graph, with its topics by their names; topics of another type are ignored.
 
     `prefix` is the namespace of the sensor, '' or with a slash; `topic` are the topics by name,
-    without empty ones, and `name` the names by topic. Raises a ConfigurationError if there are
-    several sensors and no namespace is given.
+    without empty ones, and `name` the names by topic. Raises a ConfigurationError if the bag
+    cannot be read, or has several sensors and no namespace is given.
     """
 
-    def __init__(self, bag: Bag, namespace: str | None = None):
-        found = bag.namespaces({name: type_name(KINDS[name]) for name in OF_SENSORS})
+    def __init__(self, path: str | PathLike, namespace: str | None = None):
+        super().__init__(path)
+        found = self.namespaces({name: type_name(KINDS[name]) for name in OF_SENSORS})
         if namespace is not None:
             self.prefix = f'/{namespace.strip("/")}'.rstrip('/')
         elif not found or f'/{NAMESPACE}' in found:
@@ -70,17 +73,17 @@ class RecordedTopics:
             self.prefix, = found
         else:
             raise ConfigurationError(
-                f'bag {bag.path}: holds several sensors, {", ".join(found)}; choose a namespace')
+                f'bag {path}: holds several sensors, {", ".join(found)}; choose a namespace')
         own = {topic: short_name(topic) for topic, _, _ in topics(self.prefix.strip('/'))}
-        own |= {topic: kind for kind in OF_ROBOTS for topic in bag.topics
+        own |= {topic: kind for kind in OF_ROBOTS for topic in self.topics
                 if topic.endswith(f'/{kind}')}
         self.name = {topic: name for topic, name in own.items()
-                     if bag.topics.get(topic) == type_name(KINDS[name]) and bag.count(topic)}
+                     if self.topics.get(topic) == type_name(KINDS[name]) and self.count(topic)}
         self.topic = {name: topic for topic, name in self.name.items()}
 
-    def require_touch(self, bag: Bag) -> None:
+    def require_touch(self) -> None:
         """Raise a ConfigurationError if there is neither an image nor a contact."""
         if not {'image', 'contact'} & self.topic.keys():
             raise ConfigurationError(
-                f'bag {bag.path}: has no image and no contact of a tactile sensor in '
-                f'{self.prefix or "/"}; there are {sorted(bag.topics)}')
+                f'bag {self.path}: has no image and no contact of a tactile sensor in '
+                f'{self.prefix or "/"}; there are {sorted(self.topics)}')

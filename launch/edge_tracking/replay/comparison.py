@@ -1,12 +1,14 @@
 """Comparison of recorded and replayed messages: which fields differ, by how much, and when."""
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, is_dataclass
 import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from tactile_common.ros.bag_reader import Recorded
+from tactile_common.ros.cdr import stamp_of, unpacked
 from tactile_common.ros.conversions import NS
 
 TOLERANCE = 1e-9
@@ -21,12 +23,24 @@ SKIPPED = ('contact', 'wrench', 'surface_patch')
 FIRST = 10  # differences that are listed
 
 
-class Encoded(NamedTuple):
-    """A serialised message; it is only decoded if the bytes of a pair differ."""
+class Replayed(NamedTuple):
+    """A message of the replay, with the attributes of a `Recorded` one."""
 
-    stamp_ns: int
-    data: bytes
-    decode: Callable[[], Any]
+    data: bytes  # serialised
+    kind: type
+
+    @property
+    def message(self) -> Any:
+        """The decoded message."""
+        return unpacked(self.data, self.kind)
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of its header."""
+        return stamp_of(self.data)
+
+
+Message = Recorded | Replayed
 
 
 @dataclass
@@ -37,7 +51,7 @@ class Tally:
     begin: float = math.inf  # stamps of the first and the last pair
     end: float = -math.inf
     # Messages without a partner by their stamps: recorded, replayed.
-    waiting: tuple[dict[int, Encoded], dict[int, Encoded]] = field(
+    waiting: tuple[dict[int, Message], dict[int, Message]] = field(
         default_factory=lambda: ({}, {}))
     differing: int = 0
     fields: dict[str, tuple[int, float]] = field(default_factory=dict)  # count and largest
@@ -63,7 +77,7 @@ class Comparison:
         self.topics: dict[str, Tally] = {}
         self.first: list[str] = []
 
-    def take(self, side: int, topic: str, message: Encoded) -> None:
+    def take(self, side: int, topic: str, message: Message) -> None:
         """Add a message of a side; it is compared when its partner is there."""
         tally, stamp = self.topics.setdefault(topic, Tally()), message.stamp_ns
         if not stamp:  # a window that begins on reception has no stamp
@@ -75,14 +89,14 @@ class Comparison:
         else:
             self._compare(topic, stamp, *((other, message) if side else (message, other)))
 
-    def _compare(self, topic: str, stamp: int, before: Encoded, after: Encoded) -> None:
+    def _compare(self, topic: str, stamp: int, before: Message, after: Message) -> None:
         tally = self.topics[topic]
         tally.compared += 1
         tally.begin, tally.end = min(tally.begin, abs(stamp)), max(tally.end, abs(stamp))
-        if before.data == after.data:
+        if before.data == after.data:  # the usual case: neither is decoded
             return
         differs = False
-        for name, one, other in unequal(before.decode(), after.decode()):
+        for name, one, other in unequal(before.message, after.message):
             size = distance(one, other)
             if name.split('.')[0] in COMPARED[topic] or size <= self._tolerance(topic, name):
                 continue

@@ -7,6 +7,7 @@ from functools import partial
 from heapq import merge
 import json
 import math
+from operator import attrgetter
 from pathlib import Path
 import time
 from types import SimpleNamespace
@@ -18,13 +19,13 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
 
 from edge_tracking.recording.settings import Settings
-from edge_tracking.recording.topics import RecordedTopics
-from edge_tracking.replay.comparison import COMPARED, Comparison, Encoded
+from edge_tracking.recording.topics import GraphBag
+from edge_tracking.replay.comparison import COMPARED, Comparison
 from edge_tracking.replay.output import Output
 from edge_tracking.replay.servo_core import ServoCore
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.progress import Progress
-from tactile_common.ros.bag_reader import Bag, DAMAGE, Recorded
+from tactile_common.ros.bag_reader import Bag, Recorded
 from tactile_common.ros.cdr import packed
 from tactile_common.ros.conversions import NS, stamp_to_ns
 from tactile_msgs.msg import Contact as ContactMsg
@@ -96,10 +97,9 @@ class Replay:
 
     def __init__(self, path: str | Path, options: Options, stack: ExitStack):
         self.result = Result(str(path))
-        self.bag = stack.enter_context(Bag(path))
-        self._topics = RecordedTopics(self.bag, options.namespace)
-        self._topics.require_touch(self.bag)
-        settings, has = Settings(self.bag, self._topics), self._topics.topic
+        self.bag = stack.enter_context(GraphBag(path, options.namespace))
+        self.bag.require_touch()
+        settings, has = Settings(self.bag), self.bag.topic
         settings.change(options.changes)
         from_images = options.source == 'image' and 'image' in has
         with_servo = settings.has_robot and 'servo_calls' in has
@@ -118,10 +118,10 @@ class Replay:
             Comparison(options.tolerances),
             COMPARED.keys() & self._made & has.keys() if options.compare else ())
         if options.out is not None:
-            self.output.open(options.out, self._topics.prefix.strip('/'), stack)
+            self.output.open(options.out, self.bag.prefix.strip('/'), stack)
         for node, values in settings.changed.items():  # also in the written recording
             self.output.copy('parameters', self.bag.span[0], packed(ParameterEvent(
-                node=f'{self._topics.prefix}/{node}', changed_parameters=[
+                node=f'{self.bag.prefix}/{node}', changed_parameters=[
                     Parameter(name, value=value).to_parameter_msg()
                     for name, value in values.items()])))
         self._make_cores(settings, with_servo)
@@ -145,13 +145,13 @@ class Replay:
         """Replay all messages that can be read."""
         result, (begin_ns, end_ns) = self.result, self.bag.span
         result.seconds, begun, count = 1e-9 * (end_ns - begin_ns), time.perf_counter(), 0
-        for bag, name, row in self._rows():
-            if bag is self._reference and name in self.output.compared:
-                self.output.comparison.take(0, name, Encoded(
-                    bag.stamp_ns(row), row.message, partial(bag.unpacked, row)))
-            if bag is self.bag and name not in self._made:
+        for row in self._rows():
+            name = self.bag.name[row.topic]
+            if row.bag is self._reference and name in self.output.compared:
+                self.output.comparison.take(0, name, row)
+            if row.bag is self.bag and name not in self._made:
                 count += 1
-                self.output.copy(name, row.received_ns, row.message)
+                self.output.copy(name, row.received_ns, row.data)
                 self._do_waiting(row.received_ns - BEHIND)
                 if name in TAKEN:
                     self._do(row, partial(self._take, name, row))
@@ -173,9 +173,10 @@ class Replay:
         """Process a message; one that cannot be used is a fault."""
         self._now_ns = row.received_ns
         try:
-            action()
-        except (TactileError, *DAMAGE) as error:
-            self.result.faults.append(str(self.bag.damaged(row.topic, row.received_ns, error)))
+            with row.reading():
+                action()
+        except ConfigurationError as error:
+            self.result.faults.append(str(error))
 
     def _do_later(self, row: Recorded, action: Callable[..., None], *arguments: Any) -> None:
         self._later.append((row, partial(action, *arguments)))
@@ -185,7 +186,7 @@ class Replay:
             self._do(*self._later.popleft())
 
     def _take(self, name: str, row: Recorded) -> None:
-        message, servo, shape = self.bag.unpacked(row), self._servo, self._shape
+        message, servo, shape = row.message, self._servo, self._shape
         stamp_ns = stamp_to_ns(message.header.stamp)
         if name == 'image':
             self._take_image(row, message, stamp_ns)
@@ -204,7 +205,7 @@ class Replay:
             servo.keep(name, stamp_ns, positions)
 
     def _take_image(self, row: Recorded, message: Any, stamp_ns: int) -> None:
-        self._do_later(row, self._shape.take_image, bytes(row.message))
+        self._do_later(row, self._shape.take_image, bytes(row.data))
         image = None
         with suppress(TactileError):
             image = image_from_msg(message)
@@ -228,20 +229,20 @@ class Replay:
         self.output.contact(stamp_ns, contact)
         self._do_later(row, self._shape.take_contact, stamp_ns, contact, message.sensor)
 
-    def _rows(self) -> Iterator[tuple[Bag, str, Recorded]]:
+    def _rows(self) -> Iterator[Recorded]:
         """Yield the messages to replay and to compare with, in the order of reception."""
-        names = self._topics.name
-        wanted = {self.bag: {topic for topic in names if names[topic] not in self._made}}
+        names = self.bag.name
+        wanted: dict[Bag, set[str]] = {
+            self.bag: {topic for topic in names if names[topic] not in self._made}}
         wanted[self._reference] = wanted.get(self._reference, set()) | {
             topic for topic in self._reference.topics if names.get(topic) in self.output.compared}
         return merge(*(self._readable(*it) for it in wanted.items()),
-                     key=lambda it: it[2].received_ns)
+                     key=attrgetter('received_ns'))
 
-    def _readable(self, bag: Bag, wanted: Collection[str]) -> Iterator[tuple[Bag, str, Recorded]]:
+    def _readable(self, bag: Bag, wanted: Collection[str]) -> Iterator[Recorded]:
         """Yield the readable messages of a bag; if there are unreadable ones, record a fault."""
         try:
-            for row in bag.messages(wanted, raw=True):
-                yield bag, self._topics.name[row.topic], row
+            yield from bag.messages(wanted)
         except ConfigurationError as error:
             self.result.faults.append(str(error))
 

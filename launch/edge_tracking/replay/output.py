@@ -3,16 +3,14 @@ from collections import Counter
 from collections.abc import Collection
 from contextlib import ExitStack
 import csv
-from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 from edge_tracking.recording.topics import KINDS, topics
 from edge_tracking.recording.writer import BagWriter
-from edge_tracking.replay.comparison import Comparison, Encoded
+from edge_tracking.replay.comparison import Comparison, Replayed
 from tactile_common.errors import ConfigurationError
-from tactile_common.ros.cdr import stamp_of, unpacked
 from tactile_sensing.types.contact import Contact, REALS
 from tactile_servo.types import Status
 
@@ -59,8 +57,7 @@ class Output:
         self.counts[name] += 1
         self.copy(name, time_ns, data)
         if name in self.compared:
-            self.comparison.take(1, name, Encoded(
-                stamp_of(data), data, partial(unpacked, data, KINDS[name])))
+            self.comparison.take(1, name, Replayed(data, KINDS[name]))
 
     def contact(self, stamp_ns: int, contact: Contact) -> None:
         """Write a row of the contacts."""

@@ -19,7 +19,7 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock as ClockMsg
 from std_srvs.srv import SetBool
 
-from edge_tracking.recording.topics import RecordedTopics, short_name, topics
+from edge_tracking.recording.topics import GraphBag, short_name, topics
 from edge_tracking.replay.one import OF_IMAGES, OF_SHAPE
 from tactile_common.command_line import between, Parser, refusing
 from tactile_common.errors import ConfigurationError
@@ -53,7 +53,7 @@ class Playback:
 
     def _begin(self) -> None:
         self.now_ns, self._settling = self._bag.span[0], SETTLE
-        self._rows = self._bag.messages(self._topics, raw=True)
+        self._rows = self._bag.messages(self._topics)
         self._next = self._read()
 
     def _read(self) -> Recorded | None:
@@ -87,28 +87,28 @@ class Playback:
 class PlayerNode(TactileNode):
     """Publishes the messages of a bag when they are due, see above; `playback` decides which."""
 
-    def __init__(self, bag: Bag, names: RecordedTopics, rate: float = 1.0, loop: bool = False,
+    def __init__(self, bag: GraphBag, rate: float = 1.0, loop: bool = False,
                  paused: bool = False, wait_for: Collection[str] = (), **kwargs: Any):
-        super().__init__('play_bag', **{'namespace': names.prefix, **kwargs})
+        super().__init__('play_bag', **{'namespace': bag.prefix, **kwargs})
         self._wait_for, self._heard, self._last = wait_for, False, time.monotonic()
         self._clock_publisher = self.create_publisher(ClockMsg, '/clock', 10)
         self._publishers_of: dict[str, Publisher] = {}
-        first = 'image' if 'image' in names.topic else 'contact'
+        first = 'image' if 'image' in bag.topic else 'contact'
         aside = (*ASIDE, *OF_IMAGES) if first == 'image' else ASIDE
-        for name, kind, qos in topics(names.prefix.strip('/')):
+        for name, kind, qos in topics(bag.prefix.strip('/')):
             short = short_name(name)
-            topic = names.topic.get(short)
+            topic = bag.topic.get(short)
             if topic is None or short in UNSAID:
                 continue
             if not bag.is_of_type(topic, kind):
                 self.get_logger().warning(f'{topic} is not played: it is recorded as another '
                                           f'{bag.topics[topic]} than is installed')
                 continue
-            name = f'{names.prefix}/recorded/{short}' if short in aside else name
+            name = f'{bag.prefix}/recorded/{short}' if short in aside else name
             self._publishers_of[topic] = self.create_publisher(kind, name, qos)
-        if names.topic.get(first) not in self._publishers_of:
+        if bag.topic.get(first) not in self._publishers_of:
             raise ConfigurationError(f'bag {bag.path}: has no {first} that can be played')
-        self._first = self._publishers_of[names.topic[first]]
+        self._first = self._publishers_of[bag.topic[first]]
         self.playback = Playback(bag, list(self._publishers_of), rate, loop, paused)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_timer(TICK, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -127,7 +127,7 @@ class PlayerNode(TactileNode):
         set_stamp(message.clock, self.playback.now_ns)
         self._clock_publisher.publish(message)
         for row in due:
-            self._publishers_of[row.topic].publish(row.message)
+            self._publishers_of[row.topic].publish(row.data)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -151,15 +151,13 @@ def main(args: list[str] | None = None) -> int:
     given, ros = split_ros_args(sys.argv[1:] if args is None else args)
     with refusing('play_bag') as command:
         options = parser().parse_args(given)
-        with Bag(options.bag) as bag:
-            names = RecordedTopics(bag, options.namespace)
-            names.require_touch(bag)
+        with GraphBag(options.bag, options.namespace) as bag:
+            bag.require_touch()
             nodes: list[PlayerNode] = []
 
             def play_bag(context: Any) -> PlayerNode:
-                nodes.append(PlayerNode(bag, names, options.rate, options.loop,
-                                        options.start_paused, options.wait_for,
-                                        context=context))
+                nodes.append(PlayerNode(bag, options.rate, options.loop, options.start_paused,
+                                        options.wait_for, context=context))
                 return nodes[0]
 
             command.status = run(play_bag, ros, lambda node: node.playback.finished)

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from rosbags.interfaces import MessageDefinitionFormat
 from rosbags.rosbag2 import ReaderError
@@ -16,19 +16,51 @@ from rosbags.typesys import (
     TypesysError,
 )
 
-from tactile_common.errors import ConfigurationError
+from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.ros.bag_storage import check_types, MAX_DEFINITION, open_bag
 from tactile_common.ros.cdr import DAMAGE, deserialised, register, stamp_of
 from tactile_common.ros.message_definitions import definition, definition_of, SEPARATOR
 from tactile_common.yaml_file import read_yaml
 
+AnyBag = TypeVar('AnyBag', bound='Bag')
+
 
 class Recorded(NamedTuple):
-    """A message of a recording."""
+    """A message of a recording; the properties raise a ConfigurationError if it is damaged."""
 
     topic: str
     received_ns: int  # time of reception
-    message: Any  # has the fields of its type; sequences of numbers are numpy arrays
+    data: bytes  # serialised
+    bag: 'Bag'
+
+    @property
+    def message(self) -> Any:
+        """Fields of its type, decoded now; sequences of numbers are numpy arrays."""
+        with self.reading():
+            return self.bag.decoded(self.topic, self.data)
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of its header."""
+        with self.reading():
+            return stamp_of(self.data)
+
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """Name this message in the errors of a block that reads it."""
+        try:
+            yield
+        except (TactileError, *DAMAGE) as error:
+            if str(error).startswith('bag '):
+                raise
+            path, topic, at = self.bag.path, self.topic, 1e-9 * self.received_ns
+            if isinstance(error, AttributeError):
+                raise ConfigurationError(
+                    f'bag {path}: messages on {topic} are of another version of '
+                    f'{self.bag.topics[topic]}: they have no field {error.name!r}') from error
+            raise ConfigurationError(
+                f'bag {path}: the message on {topic} at {at:.6f} s is damaged or of another '
+                f'kind: {_one_line(error)}') from error
 
 
 class Bag:
@@ -54,7 +86,7 @@ class Bag:
                            for connection in self._reader.connections}
         self._types = get_typestore(Stores.EMPTY)
 
-    def __enter__(self) -> 'Bag':
+    def __enter__(self: AnyBag) -> AnyBag:
         return self
 
     def __exit__(self, *_: Any) -> None:
@@ -102,13 +134,12 @@ class Bag:
         return sum(connection.msgcount for connection in self._reader.connections
                    if connection.topic == topic)
 
-    def messages(self, topics: Collection[str], *, raw: bool = False) -> Iterator[Recorded]:
+    def messages(self, topics: Collection[str]) -> Iterator[Recorded]:
         """
         Yield the messages of some topics in the order of their reception.
 
-        Topics that the bag lacks are ignored. With `raw`, the messages are bytes that can be
-        forwarded. A damaged bag raises a ConfigurationError of one line with its path; for a
-        damaged message the line contains its topic and time.
+        Topics that the bag lacks are ignored. A damaged bag raises a ConfigurationError of one
+        line with its path.
         """
         wanted = [connection for connection in self._reader.connections
                   if connection.topic in topics]
@@ -118,8 +149,7 @@ class Bag:
             missing = sum(connection.msgcount for connection in wanted)
             for connection, time_ns, data in self._rows(wanted):
                 missing -= 1
-                row = Recorded(connection.topic, time_ns, data)
-                yield row if raw else Recorded(*row[:2], self.unpacked(row))
+                yield Recorded(connection.topic, time_ns, data, self)
             if self._reader.cut:
                 raise ConfigurationError(self._reader.cut)
             if missing > 0:  # the reader skips records that it does not understand
@@ -135,29 +165,9 @@ class Bag:
             raise ConfigurationError(
                 f'cannot be read on from {1e-9 * last:.3f} s: {_one_line(error)}') from error
 
-    def damaged(self, topic: str, time_ns: int, error: Exception) -> ConfigurationError:
-        """Return the one-line error that says which message cannot be read, and why."""
-        if isinstance(error, AttributeError):
-            return ConfigurationError(
-                f'bag {self.path}: messages on {topic} are of another version of '
-                f'{self.topics.get(topic)}: they have no field {error.name!r}')
-        return ConfigurationError(
-            f'bag {self.path}: the message on {topic} at {1e-9 * time_ns:.6f} s is damaged or of '
-            f'another kind: {_one_line(error)}')
-
-    def unpacked(self, row: Recorded) -> Any:
-        """Decode a raw message; raises a ConfigurationError if it is damaged."""
-        try:
-            return deserialised(self._types, self.topics[row.topic], row.message)
-        except DAMAGE as error:
-            raise self.damaged(row.topic, row.received_ns, error) from error
-
-    def stamp_ns(self, row: Recorded) -> int:
-        """Return the header's stamp of a raw message; ConfigurationError if it is damaged."""
-        try:
-            return stamp_of(row.message)
-        except DAMAGE as error:
-            raise self.damaged(row.topic, row.received_ns, error) from error
+    def decoded(self, topic: str, data: bytes) -> Any:
+        """Decode the bytes of a message; one of `DAMAGE` if they are damaged."""
+        return deserialised(self._types, self.topics[topic], data)
 
     def is_of_type(self, topic: str, kind: type) -> bool:
         """Return True if a topic has the installed message class: its bytes can be forwarded."""
