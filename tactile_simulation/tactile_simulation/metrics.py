@@ -154,10 +154,9 @@ def judged(numbers: dict[str, Any], success: bool, scene: Scene) -> dict[str, An
     return {'ok': success and not objection, **numbers, 'reason': reason}
 
 
-def shown(summary: Mapping[str, Any],
-          metrics: Sequence[Metric] = METRICS) -> Iterator[tuple[str, str, str]]:
+def shown(summary: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     """Yield name, value and unit of every number that a summary contains and that is finite."""
-    for row in metrics:
+    for row in METRICS:
         value = summary.get(row.key)
         if value is not None and math.isfinite(value):
             yield row.name, f'{row.factor * value:.{row.decimals}f}', row.unit

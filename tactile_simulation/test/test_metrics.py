@@ -12,7 +12,6 @@ from tactile_simulation.metrics import (
     busy,
     describe,
     measure,
-    Metric,
     METRICS,
     NAN,
     scatter,
@@ -91,11 +90,9 @@ def test_every_number_has_one_row():
 
 
 def test_numbers_are_shown_in_their_units_if_they_are_known():
-    rows = (Metric('way', 'way', 'mm', 1e3, 2), Metric('count', 'count', '', 1.0, 0),
-            Metric('rest', 'rest', 's'))
-    summary = {'way': 0.0123456, 'count': 3, 'rest': NAN}
-    assert list(shown(summary, rows)) == [('way', '12.35', 'mm'), ('count', '3', '')]
-    assert list(shown({'rest': None}, rows)) == []
+    summary = {'force_max': None, 'cycles': 3, 'lateral_rms': 1.23456e-5, 'duration': NAN}
+    assert list(shown(summary)) == [('lateral error, RMS', '0.012', 'mm'),
+                                    ('control cycles', '3', '')]
 
 
 def test_text_tells_verdict_numbers_and_outline():

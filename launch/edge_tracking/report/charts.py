@@ -4,13 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from edge_tracking.recording.frames_summary import force_series, force_unit, ForceSeries, Press
+from edge_tracking.recording.frames_summary import force_series, force_unit, ForceSeries
 from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import latencies, settled_cycles
 from edge_tracking.report.player import Shown, stages, thinned
 from edge_tracking.web.page import packed
 from tactile_common.polyline import arc_length
-from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import State
@@ -22,6 +21,7 @@ LEAST_ERROR = 5e-3  # mm, smallest range of an axis of errors
 SHADES = {
     State.APPROACH: '#eaf0f8', State.CORNER: '#fff4d6', State.SEARCH: '#fdebd3',
     State.RETREAT: '#dfe7ef', State.HOLD: '#fadcd9'}
+CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
 TOUCH, TRUE = (ORANGE, '#c9a227'), (BLUE, '#6aa3d8')  # along x and y
 
 
@@ -157,25 +157,6 @@ def from_above(edge: np.ndarray, points: Any) -> np.ndarray:
     return relative @ np.stack([along, across], axis=1)
 
 
-def pad_outline(array: TactelArray, pose: np.ndarray) -> np.ndarray:
-    """Return the corners of a pad in the base frame [m], `(5, 3)`; the last equals the first."""
-    x, y = array.half_width_x, array.half_width_y
-    corners = np.array([[-x, -y, 0, 1], [x, -y, 0, 1], [x, y, 0, 1], [-x, y, 0, 1],
-                        [-x, -y, 0, 1]])
-    return (corners @ pose.T)[:, :3]
-
-
-def path(it: Shown) -> list[dict[str, Any]]:
-    """Return the pad's path over the true edge, seen from above, with the pad at both ends."""
-    run, edge, tracking = it.run, it.scene.edge.points, it.real.tracking
-    touching = np.flatnonzero(tracking)
-    pads = [way('', from_above(edge, pad_outline(run.images.array, run.poses.matrix[index])), BLUE)
-            for index in touching[[0, -1]]] if touching.size and run.images.array else []
-    return [chart('From above, equal axes', 'along the first edge [mm]', 'across [mm]', [
-        way('true edge', from_above(edge, edge), EDGE_COLOUR, width=6),
-        way('pad', from_above(edge, run.poses.position[tracking]), BLUE), *pads], equal=True)]
-
-
 def felt(it: Shown) -> list[dict[str, Any]]:
     """Return the contacts on a surface from above, and their distance from the true surface."""
     points = it.run.touches.position
@@ -188,24 +169,28 @@ def felt(it: Shown) -> list[dict[str, Any]]:
             line('', 1e3 * arc_length(points) if len(points) else [], 1e6 * off, BLUE)])]
 
 
-def outline(it: Shown, found: Outline) -> list[dict[str, Any]]:
-    """Return the rebuilt outline; in a scene also the true edge and the distance to it."""
+def plan(it: Shown, found: Outline | None) -> list[dict[str, Any]]:
+    """Return the rebuilt outline from above; in a scene also true edge, pad and distances."""
     run, scene = it.run, it.scene
-    edge = scene.edge.points if scene else found.points
-    contacts, rebuilt, corners = (from_above(edge, points.reshape(-1, 3)) for points in (
-        run.contour, found.points, found.corners))
-    series = [way('contacts', contacts, BLUE, dots=True), way('outline', rebuilt, ORANGE),
-              way('corners', corners, INK, dots=True)]
-    title, x = 'Seen along base z, equal axes', 'along the first edge [mm]'
-    if not scene:
-        return [chart(title, x, 'across [mm]', series, equal=True)]
-    lateral, along = 1e3 * scene.edge.nearest(run.contour)[0], arc_length(run.contour)
-    return [
-        chart(title, x, 'across [mm]', [
-            way('true edge', from_above(edge, edge), EDGE_COLOUR, width=6), *series], equal=True),
-        chart('Contacts against the true edge', 'along the contour [mm]', 'left of it [mm]', [
-            line('', 1e3 * along, lateral, BLUE)],
-            range=_around(lateral[along >= SETTLING_LENGTH]))]
+    edge = scene.edge.points if scene else found.points  # type: ignore[union-attr]
+    series = [] if scene is None else [
+        way('true edge', from_above(edge, edge), EDGE_COLOUR, width=6),
+        way('pad', from_above(edge, run.poses.position[it.real.tracking]), BLUE)]
+    if found is not None:
+        series += [way(name, from_above(edge, points.reshape(-1, 3)), colour, **style)
+                   for name, points, colour, style in (
+                       ('contacts', run.contour, TRUE[1], {'dots': True}),
+                       ('outline', found.points, ORANGE, {}),
+                       ('corners', found.corners, INK, {'dots': True}))]
+    shown = [chart('Seen along base z, equal axes', 'along the first edge [mm]', 'across [mm]',
+                   series, equal=True)]
+    if scene and found is not None:
+        lateral, along = 1e3 * scene.edge.nearest(run.contour)[0], arc_length(run.contour)
+        shown.append(chart(
+            'Contacts against the true edge', 'along the contour [mm]', 'left of it [mm]',
+            [line('', 1e3 * along, lateral, BLUE)],
+            range=_around(lateral[along >= SETTLING_LENGTH])))
+    return shown
 
 
 def curvatures(run: RunData) -> list[dict[str, Any]]:
@@ -217,21 +202,19 @@ def curvatures(run: RunData) -> list[dict[str, Any]]:
         for axis in (0, 1)])]
 
 
-def pressed(run: RunData, series: ForceSeries, found: Sequence[Press]) -> list[dict[str, Any]]:
-    """Return force with presses, and the centre of pressure over time and on the array."""
+def pressed(run: RunData, series: ForceSeries) -> list[dict[str, Any]]:
+    """Return the force, and the centre of pressure over time and on the array."""
     scale, unit = force_unit(series.unit)
     time, centre = series.time, 1e3 * series.centre_of_pressure
     loaded = series.force > 0.1 * np.nanmax(series.force, initial=0.0)
-    bands = [[float(time[begin]), float(time[min(end, len(time) - 1)]), SHADES[State.APPROACH]]
-             for begin, _, end in found]
     moves = np.where(loaded[:, None], centre, np.nan)
-    frame = [way('array', 1e3 * pad_outline(run.images.array, np.eye(4)), GREY)] if (
-        run.images.array) else []
+    array = run.images.array
+    frame = [way('array', 500.0 * np.array([array.size_x, array.size_y]) * CORNERS, GREY)] if (
+        array) else []
     return [
-        chart('Force, with its presses', 'time [s]', f'force [{unit}]', [
-            line('', time, scale * series.force, BLUE)], bands=bands),
+        chart('Force', 'time [s]', f'force [{unit}]', [
+            line('', time, scale * series.force, BLUE)]),
         chart('Centre of pressure', 'time [s]', 'place [mm]', [
-            line('xy'[axis], time, moves[:, axis], (BLUE, ORANGE)[axis]) for axis in (0, 1)],
-            bands=bands),
+            line('xy'[axis], time, moves[:, axis], (BLUE, ORANGE)[axis]) for axis in (0, 1)]),
         chart('Centre of pressure on the array, equal axes', 'x [mm]', 'y [mm]', [
             *frame, way('', centre[loaded], BLUE, dots=True)], equal=True)]

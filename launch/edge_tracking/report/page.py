@@ -2,7 +2,6 @@
 from collections.abc import Iterator, Mapping
 from datetime import datetime, timezone
 from html import escape
-import math
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +9,10 @@ import numpy as np
 
 from edge_tracking.parameters import NODES, parameters_of
 from edge_tracking.recording.frames_summary import (
+    describe_recording,
     force_series,
-    force_unit,
     lost_images,
-    presses,
 )
-from edge_tracking.recording.frames_summary import METRICS as OF_FRAMES
 from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import is_of_servo, latencies, rebuilt_outline
 from edge_tracking.report import charts, html
@@ -24,7 +21,7 @@ from edge_tracking.report.player import chosen, player, Shown, stages
 from edge_tracking.web.page import make_page
 from tactile_common.command_line import version_of_all
 from tactile_servo.laws.registry import DEFAULT, LAWS
-from tactile_simulation.metrics import busy, METRICS, percentile, rate, shown
+from tactile_simulation.metrics import busy, percentile, rate, shown
 
 LEAST = 6e-3  # m, smallest extent of the contacts with a surface
 MOST_ROWS = 100  # rows of a table
@@ -67,7 +64,7 @@ def _head(it: Shown) -> str:
     return (f'<p><span class="badge {"" if summary["ok"] else "bad"}">{escape(verdict)}</span>'
             f'<span class="badge plain">{origin}</span></p>\n'
             f'<p>{escape(lead[0].upper() + lead[1:])}</p>\n{html.table(_about(it))}\n'
-            + html.numbers(shown(summary, METRICS if of_servo else OF_FRAMES)))
+            + (html.numbers(shown(summary)) if of_servo else ''))
 
 
 def _about(it: Shown) -> list[tuple[str, ...]]:
@@ -96,12 +93,11 @@ def _about(it: Shown) -> list[tuple[str, ...]]:
 
 def _settings(run: RunData, law: str) -> list[tuple[str, ...]]:
     """Return rows with commands, versions and non-default parameters of the nodes."""
-    rows: list[tuple[str, ...]] = []
-    sender = {node: known for node, known in run.parameters.items() if node == 'track'}
-    for name, nodes in (('command', sender or run.parameters), ('versions', run.parameters)):
-        texts = {str(known[name]): node for node, known in nodes.items() if name in known}
-        rows += [(name if len(texts) == 1 else f'{name} of {node}', _short(text))
-                 for text, node in texts.items()]
+    first: Mapping[str, Any] = next(iter(run.parameters.values()), {})
+    rows: list[tuple[str, ...]] = [
+        (name, _short(str(known[name]))) for name, known in (
+            ('command', run.parameters.get('track', first)), ('versions', first))
+        if name in known]
     for node, known in run.parameters.items():
         defaults = {it.name: it.default for it in parameters_of(
             node, law if law in LAWS else DEFAULT)} if node in NODES else {}
@@ -126,13 +122,8 @@ def _lead(summary: Mapping[str, Any]) -> str:
         text += '.'
     if not summary.get('approach_recorded', True):
         text += ' No image was recorded before first contact: the recording began late.'
-    if 'contact_types' in summary:
-        factor, unit = force_unit(summary['force_unit'])
-        types = ', '.join(f'{count} {name}' for name, count in summary['contact_types'].items()
-                          if count) or 'none'
-        if math.isfinite(summary['force_max']):
-            text += f' Largest force: {factor * summary["force_max"]:.4g} {unit}.'
-        text += f' Contacts by type: {types}.'
+    if summary.get('frames', 0) > 1:
+        text += f' {describe_recording(summary)}.'
     return text
 
 
@@ -141,8 +132,6 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
     stamps = chosen(run, columns)
     if len(stamps):
         yield 'Player', _player(run, stamps)
-    if it.scene:
-        yield _in_scene(it)
     if of_servo:
         yield 'Error and force', figure(
             html.charts(charts.over_time(it)),
@@ -153,8 +142,14 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
             + ' Coloured: other states than tracking, see there.')
         yield 'States', _states(run)
     yield from _shape(it)
-    if not of_servo:
-        yield from _presses(run)
+    series = force_series(run)
+    if not of_servo and len(series.time):
+        yield 'Force and centre of pressure', figure(
+            html.charts(charts.pressed(run, series)),
+            'Force is the zeroth moment of the picture. Without a calibration it is in counts '
+            'times area and says nothing about newtons. The centre of pressure is shown where the '
+            f'force is above a tenth of its largest value. This recording: {len(series.time)} '
+            f'contacts in {np.ptp(series.time):.1f} s.')
     if len(latencies(run)[1]):
         yield 'Latency', figure(
             html.charts(charts.latency(it)),
@@ -178,20 +173,6 @@ def _player(run: RunData, stamps: np.ndarray) -> str:
         f'turned; orange: what it touched. This run: {len(run.stamps["contact"])} contacts.')
 
 
-def _in_scene(it: Shown) -> Section:
-    if it.scene.action == 'track_surface':
-        return 'The surface that was felt', figure(
-            html.charts(charts.felt(it)),
-            'Contacts, and their distance from the true surface, which only the mock sensor '
-            'knows.')
-    return 'Path of the pad', figure(
-        html.charts(charts.path(it)),
-        'Centre of the pad over the true edge, with the outline of the pad at first contact and '
-        f'at the end. The run begins {1e3 * abs(it.scene.start.offset):.1f} mm beside the edge, '
-        "which touch takes away. Positions are from the robot's forward kinematics, errors "
-        'against the scene, which only the mock sensor knows.')
-
-
 def _states(run: RunData) -> str:
     rows = [(f'{run.seconds(stage.begin):.3f}', f'{1e-9 * (stage.end - stage.begin):.3f}',
              stage.state.name.lower(), stage.reason) for stage in stages(run)]
@@ -202,45 +183,30 @@ def _states(run: RunData) -> str:
 
 
 def _shape(it: Shown) -> Iterator[Section]:
-    run, found = it.run, rebuilt_outline(it.run)
-    if found is not None and 'sides' in it.summary:
-        sides = ', '.join(f'{side.kind} of {1e3 * side.length:.2f} mm' + (
-            f', radius {1e3 * side.radius:.1f}' if side.kind == 'arc' else '')
-            for side in found.sides)
-        yield 'Rebuilt outline', figure(
-            html.charts(charts.outline(it, found)),
-            'Lines, arcs and corners, as few as the contacts along the edge allow. Each contact '
-            'is a point of the fitted line or, on a curve and at a corner, of the ridge of the '
-            'picture, put into the base by the pose of the robot. '
-            f'This run: {len(found.sides)} sides ({sides}), {len(found.corners)} corners.')
+    run, found = it.run, rebuilt_outline(it.run) if 'sides' in it.summary else None
+    if it.scene and it.scene.action == 'track_surface':
+        yield 'The surface that was felt', figure(
+            html.charts(charts.felt(it)),
+            'Contacts, and their distance from the true surface, which only the mock sensor '
+            'knows.')
+    elif it.scene or found is not None:
+        text = ''
+        if it.scene:
+            text = "The pad's centre is from the robot's forward kinematics; the true edge is " \
+                'known by the mock sensor alone. '
+        if found is not None:
+            sides = ', '.join(f'{side.kind} of {1e3 * side.length:.2f} mm' + (
+                f', radius {1e3 * side.radius:.1f}' if side.kind == 'arc' else '')
+                for side in found.sides)
+            text += 'Outline: lines, arcs and corners, as few as the contacts allow, here ' \
+                f'{len(found.sides)} sides ({sides}) and {len(found.corners)} corners.'
+        yield 'Seen from above', figure(html.charts(charts.plan(it, found)), text)
     # At first contact with an edge, a few contacts may look like a surface.
     if len(run.patches) and np.ptp([patch.origin for patch in run.patches], axis=0).max() > LEAST:
         yield 'Surface', figure(
             html.charts(charts.curvatures(run)),
             'Where a surface was touched: principal curvatures by the shape estimator, live. '
             f'This run: {len(run.patches)} patches.')
-
-
-def _presses(run: RunData) -> Iterator[Section]:
-    series = force_series(run)
-    if not len(series.time):
-        return
-    found, (scale, unit) = presses(series.force), force_unit(series.unit)
-    yield 'Force and centre of pressure', figure(
-        html.charts(charts.pressed(run, series, found)),
-        'Force is the zeroth moment of the picture. Without a calibration it is in counts times '
-        'area and says nothing about newtons. The centre of pressure is shown where the force is '
-        f'above a tenth of its largest value. This recording: {len(series.time)} contacts in '
-        f'{np.ptp(series.time):.1f} s.')
-    rows = [(str(number), f'{series.time[begin]:.2f}',
-             f'{series.time[end - 1] - series.time[begin]:.2f}',
-             f'{scale * series.force[peak]:.4g}', f'{series.time[peak]:.2f}',
-             *(f'{1e3 * place:+.2f}' for place in series.centre_of_pressure[peak]))
-            for number, (begin, peak, end) in enumerate(found[:MOST_ROWS], 1)]
-    yield 'Presses', figure(
-        html.table(rows, ('', 'from [s]', 'for [s]', f'peak [{unit}]', 'at [s]', 'x [mm]',
-                          'y [mm]')),
-        f'Where the centre of pressure was at the peak. This recording: {len(found)} presses.')
 
 
 def _rates(run: RunData) -> str:
