@@ -26,7 +26,7 @@ def tracked(tmp_path_factory):
     with bench(str(path), parameters=half_rates(folder), domain=hold_domain()) as it:
         it.scene.world()  # before the nodes begin
         it.add_all()
-        it.graph.add(ShapeEstimatorNode, **it.scene.parameters().shape)
+        it.graph.add(ShapeEstimatorNode)
         it.touches = it.listener._keep(PoseStamped, 'surface_contact', 1000)
         it.patches = it.listener._keep(SurfacePatch, 'surface_patch', 1000)
         client = it.start_tracking(length=LENGTH, speed=0.03)

@@ -18,7 +18,6 @@ from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 from tactile_simulation.cli.simulate import LAW_HELP, SEED
 from tactile_simulation.scene import describe_scenes, find_scene, load_scene
-from tactile_simulation.world import NodeParameters
 
 
 def parser() -> argparse.ArgumentParser:
@@ -50,7 +49,7 @@ def main(args: list[str] | None = None) -> int:
         if options.sensor != 'mock' and not options.port:
             raise ConfigurationError(
                 f'--sensor {options.sensor} needs --port, for instance --port /dev/ttyUSB0')
-        law, own = options.law or DEFAULT, NodeParameters()
+        law, own = options.law or DEFAULT, {}
         if options.sensor == 'mock':
             path = find_scene(options.scene)
             scene = load_scene(path)
@@ -60,12 +59,12 @@ def main(args: list[str] | None = None) -> int:
             for text in check_file(options.parameters, names_in(options.namespace), law):
                 print(text, file=sys.stderr)
         with private_port() as pty, stop_on_signals() as stop, \
-                Graph(options.parameters, options.namespace) as graph:
+                Graph(options.parameters, options.namespace, own=own) as graph:
             port = Path(options.port or pty)
-            add_servo(graph, options.robot_description, law, **own.servo)
-            graph.add(ShapeEstimatorNode, **own.shape)
+            add_servo(graph, options.robot_description, law)
+            graph.add(ShapeEstimatorNode)
             if options.sensor == 'mock':
-                add_sensing(graph, port, calibrate(pty, scene), contact=own.contact)
+                add_sensing(graph, port, calibrate(pty, scene))
                 add_mocks(graph, port, path, options.robot_description, options.seed)
             else:
                 add_sensing(graph, port, protocol=options.sensor)

@@ -19,7 +19,7 @@ from edge_tracking.graph import (
     private_port,
 )
 from edge_tracking.parameters import check_file, names_in
-from edge_tracking.playback import calibration_for, record_frames
+from edge_tracking.playback import calibrated, record_frames
 from edge_tracking.process_group import apart, Heard
 from edge_tracking.recording.frames_summary import describe_recording
 from edge_tracking.report.command import read
@@ -37,12 +37,11 @@ from tactile_common.command_line import (
 )
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.parameter_file import ParameterFile
-from tactile_common.progress import live_progress
+from tactile_common.progress import Progress
 from tactile_common.ros.domains import hold_domain
 from tactile_common.ros.runner import freeze_heap, stop_on_signals
 from tactile_sensing.cli.options import add_shape
 from tactile_sensing.devices.recording import load_recording, MAX_RATE
-from tactile_sensing.nodes.driver import DriverConfig
 from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.types import State
@@ -154,17 +153,16 @@ def track(options: argparse.Namespace, path: Path, scene: Scene, folder: Path, d
 
     The graph is in several processes; this one has the servo and its client.
     """
-    robot, own, law = share('urdf', 'puma260.urdf'), scene.parameters(), options.law
-    pattern, common = options.pattern or 'line', {
-        'parameters': options.parameters, 'domain': domain}
+    robot, law, pattern = share('urdf', 'puma260.urdf'), options.law, options.pattern or 'line'
+    common = {'parameters': options.parameters, 'domain': domain, 'own': scene.parameters()}
     with ExitStack() as stack:
         enter = stack.enter_context
         port, stop = enter(private_port()), enter(stop_on_signals())
-        progress = enter(live_progress(scene.way or way_length(pattern)))
+        progress = enter(Progress(scene.way or way_length(pattern)))
         parts = {name: enter(apart(name, *arguments, **common)) for name, arguments in (
-            ('listeners', (folder / 'bag', own.shape)),
+            ('listeners', (folder / 'bag',)),
             ('mocks', (port, path, robot, options.seed)),
-            ('sensing', (port, calibrate(port, scene), DriverConfig.protocol, own.contact)))}
+            ('sensing', (port, calibrate(port, scene))))}
         graph = enter(Graph(**common))
 
         def over() -> bool:
@@ -174,7 +172,7 @@ def track(options: argparse.Namespace, path: Path, scene: Scene, folder: Path, d
             progress.show(feedback.progress, State(feedback.state).name.lower(),
                           feedback_text(feedback))
 
-        servo = add_servo(graph, robot, law, **own.servo)
+        servo = add_servo(graph, robot, law)
         freeze_heap()
         heard = Heard(servo)
         graph.spin(lambda: over() or heard.all)
@@ -201,11 +199,12 @@ def take_recording(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     refuse_what_does_not_apply(options, RECORDING)
     recording = load_recording(
         options.recording, options.rate, options.shape and tuple(options.shape))
-    calibration = calibration_for(options, recording)
+    calibration, counts = calibrated(options, recording)
     check(options, options.law or DEFAULT)
     path = Path(options.recording)
     folder = out_folder(options.out, path.stem)
-    record_frames(recording, calibration, folder / 'bag', options.parameters or PARAMETERS)
+    record_frames(counts, recording.rate_hz, calibration, folder / 'bag',
+                  options.parameters or PARAMETERS)
     shown = read(folder / 'bag')
     make_report(folder / 'report.html', shown)
     return shown.summary, folder

@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from edge_tracking.resources import NAMESPACE, share
-from tactile_common.ros.runner import make_executor, spin
+from tactile_common.ros.runner import make_executor, name_of, spin
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverConfig, DriverNode
 from tactile_servo.laws.registry import DEFAULT
@@ -35,12 +35,12 @@ class Graph:
     Nodes of one process with their context and executor; use it in a `with` statement.
 
     Without a parameter file or ROS domain, the package's file and the environment's domain are
-    used.
+    used. `own` are parameters by node that override those of the file, see `Scene.parameters`.
     """
 
     def __init__(self, parameters: str | Path | None = None, namespace: str = NAMESPACE,
-                 domain: int | None = None):
-        self._domain = domain
+                 domain: int | None = None, own: Mapping[str, Mapping[str, Any]] | None = None):
+        self._domain, self._own = domain, own or {}
         self._arguments = ['--ros-args', '--params-file',
                            str(parameters or PARAMETERS)]
         self.namespace = namespace
@@ -62,11 +62,12 @@ class Graph:
 
     def add(self, node_class: Callable[..., Node], *, namespace: str | None = None,
             own: Mapping[str, Any] | None = None, **parameters: Any) -> Any:
-        """Make a node, with parameters that override those of the file, and return it."""
+        """Make a node, with parameters that override all others, and return it."""
+        given = {**self._own.get(name_of(node_class), {}), **parameters}
         node = node_class(
             context=self.context, **(own or {}),
             namespace=self.namespace if namespace is None else namespace,
-            parameter_overrides=[Parameter(k, value=v) for k, v in parameters.items()])
+            parameter_overrides=[Parameter(k, value=v) for k, v in given.items()])
         self.nodes.append(node)
         self.executor.add_node(node)
         return node
@@ -84,23 +85,14 @@ def add_mocks(graph: Graph, port: str | Path, scene: str | Path, robot: str | Pa
 
 
 def add_sensing(graph: Graph, port: str | Path, calibration: str | Path = '',
-                protocol: str = DriverConfig.protocol,
-                contact: Mapping[str, Any] | None = None) -> None:
-    """
-    Add the contact estimator, then the driver, so that the estimator receives every image.
-
-    `contact` are parameters of the estimator.
-    """
-    graph.add(ContactEstimatorNode, **(contact or {}))
+                protocol: str = DriverConfig.protocol) -> None:
+    """Add the contact estimator, then the driver, so that the estimator receives every image."""
+    graph.add(ContactEstimatorNode)
     graph.add(DriverNode, port=str(port), calibration=str(calibration), protocol=protocol)
 
 
 def add_servo(graph: Graph, robot: str | Path, law: str = DEFAULT, **parameters: Any) -> Node:
-    """
-    Add the servo; with sensing it is the control loop, as on a real robot.
-
-    `parameters` are those of the servo, such as from `Scene.parameters`.
-    """
+    """Add the servo with its parameters; with sensing it is the control loop."""
     return graph.add(EdgeServoNode, robot_description=str(robot), law=law, **parameters)
 
 

@@ -27,7 +27,6 @@ from tactile_servo.motion.urdf import parse, text_of
 from tactile_servo.robot_config import NodeConfig
 from tactile_simulation.scene import find_scene, load_scene
 from tactile_simulation.scene_calibration import write_calibration
-from tactile_simulation.world import NodeParameters
 
 RESPAWN_DELAY = 1.0  # s
 GIVING_WAY = ' nice -n 10'  # lower priority than the servo; follows PREFIX
@@ -61,7 +60,7 @@ class Nodes:
         self.scene: Any = load_scene(self.scene_path) if simulated else None
         law = None if value['law'] == 'auto' else value['law']
         self.law = law_for(self.scene.action, law) if self.scene else law or DEFAULT
-        self.own = self.scene.parameters() if self.scene else NodeParameters()
+        self.own = self.scene.parameters() if self.scene else {}
         # With the process id, so that another launch on this machine does not take the link over.
         self.port = value['port'] or str(Path(
             tempfile.gettempdir(),
@@ -122,7 +121,7 @@ class Nodes:
             parameters=[value['params_file'], {
                 'use_sim_time': value['use_sim_time'],
                 **{key: as_text(it) if isinstance(it, str) else it
-                   for key, it in parameters.items()}}])
+                   for key, it in {**self.own.get(executable, {}), **parameters}.items()}}])
         return [action, *ends_with(action)] if dies and not value['use_respawn'] else [action]
 
     def sensing(self) -> list[Any]:
@@ -147,9 +146,8 @@ class Nodes:
             actions += self.node('tactile_sensing', 'driver', **driver)
         if self.value['view']:
             actions += self.node('edge_tracking', 'view', dies=False)
-        return [*actions, *self.node('tactile_sensing', 'contact_estimator', **self.own.contact),
-                *self.node('tactile_shape', 'shape_estimator', prefix=GIVING_WAY,
-                           **self.own.shape)]
+        return [*actions, *self.node('tactile_sensing', 'contact_estimator'),
+                *self.node('tactile_shape', 'shape_estimator', prefix=GIVING_WAY)]
 
     def servo(self) -> list[Any]:
         """Return the servo, the mock robot and the goal."""
@@ -158,8 +156,7 @@ class Nodes:
         if value['controller'] or self.robot_namespace:
             robot['controller'] = value['controller'] or (
                 f'{self.robot_namespace}/joint_trajectory_controller')
-        actions = self.node('tactile_servo', 'edge_servo', law=self.law, **robot,
-                            **self.own.servo)
+        actions = self.node('tactile_servo', 'edge_servo', law=self.law, **robot)
         if self.robot == 'mock':
             actions += self.node('tactile_simulation', 'mock_robot', self.robot_namespace,
                                  scene=self.scene_path, **robot)

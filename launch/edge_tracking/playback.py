@@ -25,8 +25,12 @@ MAX_OFFSET = 0.1  # summed offset of unloaded tactels, as a share of the largest
 FRAME, SENSOR = 'tactile_pad', 'recording'
 
 
-def calibration_for(options: Namespace, recording: Recording) -> Calibration:
-    """Return the calibration of a recording from the demo's options; ValueError on a mismatch."""
+def calibrated(options: Namespace, recording: Recording) -> tuple[Calibration, np.ndarray]:
+    """
+    Return the calibration of a recording from the demo's options, and its frames in counts.
+
+    Raises a ValueError if the two do not match.
+    """
     rows, columns = recording.shape
     if options.calibration:
         calibration, source = load_calibration(options.calibration), options.calibration
@@ -55,7 +59,7 @@ def calibration_for(options: Namespace, recording: Recording) -> Calibration:
             f'{options.recording}: tactels without a load read {offset:+.3g}, an offset that '
             'moves every place: give a --calibration CAL.yaml with their baseline, or subtract '
             'the unloaded picture')
-    return calibration
+    return calibration, counts
 
 
 def _range_of(recording: Recording) -> dict[str, Any]:
@@ -83,10 +87,13 @@ def _offset(calibration: Calibration, frames: np.ndarray) -> float:
     return float(offset) if abs(offset) * live.sum() > MAX_OFFSET * load else 0.0
 
 
-def record_frames(recording: Recording, calibration: Calibration, bag: Path,
+def record_frames(counts: np.ndarray, rate: float, calibration: Calibration, bag: Path,
                   parameters: str | Path) -> None:
-    """Write the images and contacts of a recording into a new bag, as driver and estimator do."""
-    counts, _ = recording.counts(calibration.counts, calibration.resolution)
+    """
+    Write images and contacts into a new bag, as driver and estimator do.
+
+    `counts` are frames (N, rows, columns), `rate` is their number per second [Hz].
+    """
     estimator = ContactEstimator(ParameterFile(parameters).config(
         f'/{NAMESPACE}/contact_estimator', EstimatorConfig))
     pad, begin = ImageConverter(calibration), time.time_ns()
@@ -95,7 +102,7 @@ def record_frames(recording: Recording, calibration: Calibration, bag: Path,
         calibration.sensor_info(SENSOR, FRAME, begin, None, 0))))
     with Progress(len(counts), 1.0) as progress:
         for number, frame in enumerate(counts):
-            taken = begin + round(NS * number / recording.rate_hz)
+            taken = begin + round(NS * number / rate)
             image = pad.image(frame, taken, number)
             image.frame_id, image.sensor = FRAME, SENSOR
             estimated = time.monotonic_ns()

@@ -21,8 +21,8 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 
 from edge_tracking.graph import add_mocks, add_sensing, Graph
+from edge_tracking.record_bag import RecorderNode
 from edge_tracking.recording.topics import topics
-from edge_tracking.recording.writer import RecorderNode
 from tactile_common.ros.runner import freeze_heap
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
@@ -51,10 +51,10 @@ class Heard:
                 self.failed = status.message
 
 
-def add_listeners(graph: Graph, bag: str | Path, shape: dict[str, Any] | None = None) -> None:
-    """Add a recorder of all topics and the shape estimator with its parameters."""
+def add_listeners(graph: Graph, bag: str | Path) -> None:
+    """Add a recorder of all topics and the shape estimator."""
     graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
-    graph.add(ShapeEstimatorNode, **shape or {})
+    graph.add(ShapeEstimatorNode)
 
 
 # Function that makes each part, and its niceness.

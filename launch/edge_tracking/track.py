@@ -7,6 +7,7 @@ sensor or servo were not ready, 4 the servo became silent, 130 interrupted.
 from collections.abc import Callable
 from enum import IntEnum
 import math
+from operator import attrgetter
 import os
 import signal
 import subprocess
@@ -217,17 +218,10 @@ class TrackNode(TactileNode):
 
 def main(args: list[str] | None = None) -> int:
     """Track once and return the exit status, see above; an interrupt cancels the goal."""
-    ended: TrackNode | None = None
+    def status_of(node: TrackNode) -> int:
+        if node.cancelled or not node.finished:
+            raise KeyboardInterrupt
+        print(f'track: {node.reason}', file=sys.stderr)
+        return int(node.exit)
 
-    def until(node: TrackNode) -> bool:
-        nonlocal ended
-        ended = node if node.finished else None
-        return node.finished
-
-    status = run(TrackNode, args, until, on_stop=TrackNode.cancel)
-    if status:
-        return status
-    if ended is None or ended.cancelled:
-        raise KeyboardInterrupt
-    print(f'track: {ended.reason}', file=sys.stderr)
-    return int(ended.exit)
+    return run(TrackNode, args, attrgetter('finished'), TrackNode.cancel, status_of)

@@ -22,7 +22,7 @@ RECORDED = {'joint_states', 'image'}
 def test_sensor_and_robot_are_heard_and_recorded_and_end_with_the_graph(tmp_path):
     seen = {}
     with private_port() as port:
-        with apart('listeners', tmp_path / 'bag', {}) as listeners, \
+        with apart('listeners', tmp_path / 'bag') as listeners, \
                 apart('mocks', port, find_scene('straight'), ROBOT) as mocks, \
                 apart('sensing', port) as sensing, \
                 Graph() as graph:

@@ -122,7 +122,7 @@ class Simulation:
             config, workspace)
         self.servo.see_sensor(info)
         self.estimator = ContactEstimator(
-            estimator or EstimatorConfig(**scene.parameters().contact))
+            estimator or EstimatorConfig(**scene.parameters().get('contact_estimator', {})))
         self.estimate = self.estimator.estimate
         self._path, self.shape = ContactPath(), ShapeEstimator(LocalQuadric())
         self.latency = plant.latency if latency is None else latency

@@ -13,7 +13,7 @@ from tactile_sensing.dome.geometry import contact_frame, Dome
 from tactile_simulation.metrics import largest, NAN, rms
 from tactile_simulation.sensor import Sensor, Skin
 from tactile_simulation.surface_objects import nearest_point, normal_at, Placed
-from tactile_simulation.world import Course, NodeParameters, Scene, World
+from tactile_simulation.world import Course, Scene, World
 
 # 15 N on a sphere of the probe's own size do not saturate it.
 SENSOR = Sensor(pa_per_count=1000.0)
@@ -59,11 +59,11 @@ class SurfaceScene(Scene):
     def __post_init__(self) -> None:
         object.__setattr__(self, 'skin', Skin(depth=self.dome.depth))
 
-    def parameters(self) -> NodeParameters:
+    def parameters(self) -> dict[str, dict[str, Any]]:
         """Return the probe's radius, and moments: no flat-pad model fits its contacts."""
-        return NodeParameters(
-            servo={'probe.skin_radius': self.dome.skin_radius},
-            shape={'source': 'servo'}, contact={'method': 'moments'})
+        return {'edge_servo': {'probe.skin_radius': self.dome.skin_radius},
+                'shape_estimator': {'source': 'servo'},
+                'contact_estimator': {'method': 'moments'}}
 
     def start_pose(self) -> np.ndarray:
         """Return the first pose (4, 4) of the sensor: above the object, z towards it."""

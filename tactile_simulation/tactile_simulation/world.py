@@ -24,15 +24,6 @@ class Plant:
         0.0, "of an image's stamp: later than the instant it shows", 's', -0.1, 0.1)
 
 
-@dataclass(frozen=True)
-class NodeParameters:
-    """Parameters of servo, shape and contact estimator that a scene's probe requires."""
-
-    servo: Mapping[str, Any] = field(default_factory=dict)
-    shape: Mapping[str, Any] = field(default_factory=dict)
-    contact: Mapping[str, Any] = field(default_factory=dict)
-
-
 @dataclass(frozen=True, eq=False)
 class Course:
     """
@@ -121,9 +112,9 @@ class Scene(ABC):
         """True if the path to follow ends where it begins."""
         return False
 
-    def parameters(self) -> NodeParameters:
-        """Return the node parameters that the probe requires; none for a flat pad."""
-        return NodeParameters()
+    def parameters(self) -> dict[str, dict[str, Any]]:
+        """Return the parameters that the probe requires, by node; none for a flat pad."""
+        return {}
 
     @abstractmethod
     def truth(self, course: Course) -> Course:

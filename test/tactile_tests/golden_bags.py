@@ -117,9 +117,9 @@ class RecordedSimulation(Simulation):
         self.supervisor = lambda *arguments: self._made(*arguments)
         law, own = law_for(scene.action, law), scene.parameters()
         urdf = share('urdf', 'puma260.urdf').read_text()
-        values = {'contact_estimator': own.contact, 'shape_estimator': own.shape,
-                  'edge_servo': {**own.servo, 'law': law, 'robot_description': urdf,
-                                 'self_test': self_test}}
+        values = {'contact_estimator': {}, 'shape_estimator': {}, **own,
+                  'edge_servo': {**own.get('edge_servo', {}), 'law': law,
+                                 'robot_description': urdf, 'self_test': self_test}}
         for node, given in values.items():
             self._write('parameters', ParameterEvent(
                 node=f'/{NAMESPACE}/{node}', new_parameters=[
@@ -132,7 +132,7 @@ class RecordedSimulation(Simulation):
         super().__init__(
             scene, law, seed=seed, config=config(ServoConfig), robot=(model, limits),
             settings=config(law_named(law).law.config_type), seed_positions=START, workspace=box,
-            estimator=ParameterFile().config('', EstimatorConfig, own.contact))
+            estimator=ParameterFile().config('', EstimatorConfig, values['contact_estimator']))
 
     def _made(self, *arguments):
         servo = RecordedSupervisor(*arguments)
@@ -205,7 +205,7 @@ def make(name, path):
         else:
             loop.run(*happening)
         loop.close()
-        result = replay_one(Path(folder, 'bag'), Options(out=Path(folder, 'all'), compare=True))
+        result = replay_one(Path(folder, 'bag'), Options(out=Path(folder, 'all'), compare=''))
         if result.status:
             raise RuntimeError(describe(result))
         copytree(Path(folder, 'all', 'bag'), path)

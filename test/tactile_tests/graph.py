@@ -120,9 +120,8 @@ class Bench:
     def add_all(self, **servo):
         """Add mocks, driver, estimator and servo, this with parameters of its own."""
         self.robot = add_mocks(self.graph, self.port, self.scene_path, ROBOT)
-        own = self.scene.parameters()
-        add_sensing(self.graph, self.port, calibrate(self.port, self.scene), contact=own.contact)
-        add_servo(self.graph, ROBOT, **{'law': law_for(self.scene.action), **own.servo, **servo})
+        add_sensing(self.graph, self.port, calibrate(self.port, self.scene))
+        add_servo(self.graph, ROBOT, **{'law': law_for(self.scene.action), **servo})
         return self
 
     def node(self, name):
@@ -226,7 +225,8 @@ def half_rates(folder: Path) -> Path:
 @contextmanager
 def bench(scene='straight', namespace='tactile', parameters=None, domain=None):
     """Give an empty graph with a listener; everything is gone afterwards."""
-    with private_port() as port, Graph(parameters, namespace, domain) as graph:
+    own = load_scene(scene).parameters()
+    with private_port() as port, Graph(parameters, namespace, domain, own) as graph:
         yield Bench(graph, port, scene)
 
 

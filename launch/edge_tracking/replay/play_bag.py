@@ -9,6 +9,7 @@ the time.
 """
 import argparse
 from collections.abc import Collection
+from operator import attrgetter
 from pathlib import Path
 import sys
 import time
@@ -153,14 +154,16 @@ def main(args: list[str] | None = None) -> int:
         options = parser().parse_args(given)
         with GraphBag(options.bag, options.namespace) as bag:
             bag.require_touch()
-            nodes: list[PlayerNode] = []
 
             def play_bag(context: Any) -> PlayerNode:
-                nodes.append(PlayerNode(bag, options.rate, options.loop, options.start_paused,
-                                        options.wait_for, context=context))
-                return nodes[0]
+                return PlayerNode(bag, options.rate, options.loop, options.start_paused,
+                                  options.wait_for, context=context)
 
-            command.status = run(play_bag, ros, lambda node: node.playback.finished)
-        if nodes and nodes[0].playback.fault:
-            raise ConfigurationError(nodes[0].playback.fault)
+            def status_of(node: PlayerNode) -> int:
+                if node.playback.fault:
+                    raise ConfigurationError(node.playback.fault)
+                return 0
+
+            command.status = run(play_bag, ros, attrgetter('playback.finished'),
+                                 status_of=status_of)
     return command.status

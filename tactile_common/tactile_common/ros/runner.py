@@ -134,14 +134,16 @@ def _on_signals(handler: Callable[..., Any]) -> Iterator[None]:
 
 def run(node_class: Any, args: list[str] | None = None,
         until: Callable[[Any], bool] | None = None,
-        on_stop: Callable[[Any], None] | None = None) -> int:
+        on_stop: Callable[[Any], None] | None = None,
+        status_of: Callable[[Any], int] | None = None) -> int:
     """
     Run one node until SIGINT, SIGTERM or the shutdown of its context; return the exit status.
 
     `node_class` is called with `context` only. A `ValueError`, the base of every configuration
     error, means that a parameter is wrong. Without `args` those of the process are used; --help
     and --version are answered. `until(node)` returns True when the node's work is done.
-    `on_stop(node)` is called at a signal; the node then has two seconds to finish. A signal that
+    `on_stop(node)` is called at a signal; the node then has two seconds to finish.
+    `status_of(node)` returns the exit status, once the node is destroyed; default 0. A signal that
     arrives while the node is being made (a minute if kernels are compiled) ends the process at
     once. If the node is not destroyed within 3.5 s after a signal, the process prints the stack of
     every thread and ends with status 1.
@@ -186,7 +188,7 @@ def run(node_class: Any, args: list[str] | None = None,
                 node.destroy_node()
                 context.try_shutdown()
             faulthandler.cancel_dump_traceback_later()
-    return 0
+    return status_of(node) if status_of else 0
 
 
 @contextmanager
@@ -218,7 +220,7 @@ def _keep_to(cores: set[int]) -> None:
             os.sched_setaffinity(int(thread), cores)
 
 
-def _name_of(node_class: type) -> str:
+def name_of(node_class: Any) -> str:
     """Return the name of a node's executable."""
     return re.sub('(?<!^)(?=[A-Z])', '_', node_class.__name__.removesuffix('Node')).lower()
 
@@ -226,7 +228,7 @@ def _name_of(node_class: type) -> str:
 def _read_options(node_class: type, args: list[str] | None) -> None:
     """Answer --help and --version; refuse all other options that are not ROS arguments."""
     about = inspect.getdoc(inspect.getmodule(node_class)) or ''
-    Parser(prog=_name_of(node_class), description=about,
+    Parser(prog=name_of(node_class), description=about,
            formatter_class=RawDescriptionHelpFormatter,
            usage='%(prog)s [--help] [--version] [--ros-args -p NAME:=VALUE '
                  '--params-file FILE.yaml -r FROM:=TO ...]',
@@ -236,7 +238,7 @@ def _read_options(node_class: type, args: list[str] | None) -> None:
 
 def _refuse(node_class: type, error: Exception) -> int:
     """Print in one line why a node cannot start; log level debug shows the traceback."""
-    name = _name_of(node_class)
+    name = name_of(node_class)
     get_logger(name).debug(''.join(traceback.format_exception(error)))
     print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
     return REFUSED

@@ -109,7 +109,7 @@ def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:
     config = file.config(NODE, ServoConfig)
     check_goal(options.speed, options.force, config)
     law = LAWS[options.law].law.config_type
-    settings = file.config(NODE, law, own.servo)
+    settings = file.config(NODE, law, own.get('edge_servo'))
     node = file.config(NODE, NodeConfig, {'robot_description': options.robot or '', **(
         {'tip_frame': options.tip} if options.tip else {})})
     box = box_of(node)
@@ -122,7 +122,7 @@ def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:
         settings=settings, robot=robot_of(node)[:2] if options.robot else None,
         seed_positions=options.start, workspace=box, clock=time.perf_counter, faults=[
             Fault.of(text) for text in options.fault], estimator=file.config(
-            '/tactile/contact_estimator', EstimatorConfig, own.contact))
+            '/tactile/contact_estimator', EstimatorConfig, own.get('contact_estimator')))
 
 
 def law_of(options: argparse.Namespace, scene: Scene) -> str:

@@ -71,7 +71,16 @@ class MockSensorNode(TactileNode):
             **options_of(config.protocol, config.options))
         self._lock = threading.Lock()  # protects the poses, which a callback writes
         self._period = 1.0 / config.rate
-        self._open_scene(config)
+        if not config.scene:
+            raise ConfigurationError("parameter 'scene' is '', must name a scene or its file")
+        scene = load_scene(config.scene)
+        self._world, self._rng = scene.world(), np.random.default_rng(config.seed)
+        self._world.render(scene.start_pose())  # compiles kernels now, not at the first contact
+        age = round(_MAX_POSE_AGE * NS)
+        self._poses = StateBuffer(pose_between, size=_KEPT_POSES, max_gap_ns=2 * age,
+                                  max_ahead_ns=age, restart_ns=NS)
+        self.create_subscription(
+            PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
         self._port = PseudoTerminal(config.port)
         self._thread = threading.Thread(target=self._run, name='mock_sensor', daemon=True)
         self._thread.start()
@@ -84,20 +93,6 @@ class MockSensorNode(TactileNode):
             thread.join()
             self._port.close()
         super().destroy_node()
-
-    def _open_scene(self, config: 'MockSensorConfig') -> None:
-        if not config.scene:
-            raise ConfigurationError("parameter 'scene' is '', must name a scene or its file")
-        scene = load_scene(config.scene)
-        self._world = scene.world()
-        self._rng = np.random.default_rng(config.seed)
-        # Compile kernels now, not at the first contact.
-        self._world.render(scene.start_pose())
-        age = round(_MAX_POSE_AGE * NS)
-        self._poses = StateBuffer(pose_between, size=_KEPT_POSES, max_gap_ns=2 * age,
-                                  max_ahead_ns=age, restart_ns=NS)
-        self.create_subscription(
-            PoseStamped, 'sensor_pose', self._on_pose, qos_profile_sensor_data)
 
     def _on_pose(self, message: PoseStamped) -> None:
         try:
