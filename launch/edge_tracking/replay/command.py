@@ -43,7 +43,8 @@ def parser() -> argparse.ArgumentParser:
         help='write the tables of OUT as Parquet, too (pip install pyarrow)')
     add('--compare', nargs='?', const='', metavar='OTHER',
         help='compare with what was recorded, or with another bag')
-    add('--tolerance', action='append', default=[], metavar='[[TOPIC.]FIELD=]VALUE',
+    add('--tolerance', dest='tolerances', action='append', default=[], type=tolerance,
+        metavar='[[TOPIC.]FIELD=]VALUE',
         help=f'that a field may differ by (default {TOLERANCE:g})')
     add('--namespace', help='of the sensor in a bag that has several')
     add('--jobs', type=between(1, 1000, kind=int), default=1, metavar='N',
@@ -53,23 +54,20 @@ def parser() -> argparse.ArgumentParser:
     return arguments
 
 
+def tolerance(text: str) -> tuple[str, float]:
+    """Return name, '' for all, and value of a tolerance."""
+    name, _, number = text.rpartition('=')
+    return name, between(0.0, math.inf)(number)
+
+
 def options_of(given: argparse.Namespace) -> Options:
     """Convert the command line to options; ConfigurationError if one is wrong."""
-    tolerances = {}
-    for text in given.tolerance:
-        name, _, number = text.rpartition('=')
-        try:
-            tolerances[name] = float(number)
-        except ValueError:
-            tolerances[name] = math.nan
-        if not tolerances[name] >= 0.0:
-            raise ConfigurationError(f'--tolerance {text}: must be FIELD=VALUE, not negative')
     if given.parquet and not given.out:
         raise ConfigurationError('--parquet: needs -o, the folder of the tables')
     if given.parquet and find_spec('pyarrow') is None:
         raise ConfigurationError('--parquet: needs pyarrow: pip install pyarrow')
-    return Options(given.source, tuple(given.changes), given.out, given.compare is not None,
-                   given.compare or '', tolerances, given.namespace, given.parquet)
+    return Options(given.source, given.changes, given.out, given.compare,
+                   dict(given.tolerances), given.namespace, given.parquet)
 
 
 def bags_in(paths: Sequence[str]) -> list[Path]:

@@ -1,6 +1,6 @@
 """Replay of one recording: input, comparison and result."""
 from collections import deque
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -60,11 +60,10 @@ class Options:
     """Options of a replay."""
 
     source: str = 'image'  # or contact
-    changes: tuple[str, ...] = ()  # NODE.PARAM=VALUE
+    changes: Sequence[str] = ()  # NODE.PARAM=VALUE
     out: Path | None = None
-    compare: bool = False
-    other: str = ''  # bag to compare with, in place of itself
-    tolerances: dict[str, float] = field(default_factory=dict)
+    compare: str | None = None  # bag to compare with; '': itself
+    tolerances: Mapping[str, float] = field(default_factory=dict)
     namespace: str | None = None
     parquet: bool = False  # tables as Parquet too
 
@@ -112,11 +111,12 @@ class Replay:
             raise ConfigurationError(f'bag {path}: has no contact; replay it --from image')
         self._made = {*OF_SHAPE, *(OF_IMAGES if from_images else ()),
                       *(OF_SERVO if with_servo else ())}
-        self._reference = stack.enter_context(Bag(options.other)) if options.other else self.bag
-        self._compares = options.compare
+        self._reference = stack.enter_context(
+            Bag(options.compare)) if options.compare else self.bag
+        self._compares = options.compare is not None
         self.output = Output(
             Comparison(options.tolerances),
-            COMPARED.keys() & self._made & has.keys() if options.compare else ())
+            COMPARED.keys() & self._made & has.keys() if self._compares else ())
         if options.out is not None:
             self.output.open(options.out, self.bag.prefix.strip('/'), stack)
         for node, values in settings.changed.items():  # also in the written recording
