@@ -86,6 +86,22 @@ def test_claims_without_a_fault_are_not_wide():
     assert 0.5 < over_claims(found, truth) < 1.1
 
 
+def test_the_remainder_of_an_edge_that_pressed_before():
+    """A residual that the fit can absorb leaves the force in doubt, on a known skin too."""
+    rng = np.random.default_rng(39)
+    truth, frames = presses(ContactType.LINE, rng, 300)
+    earlier = truth['offset'] + rng.uniform(1.5e-3, 2.2e-3, 300)
+    beside = np.array([line.pressure(X, Y, offset, yaw, 200.0, DEPTH)
+                       for offset, yaw in zip(earlier, truth['yaw'], strict=True)])
+    noise = 0.01 * frames.max()
+    frames = frames + 0.05 * beside
+    found = estimates(frames + noise * rng.standard_normal(frames.shape), noise)
+    assert found['valid'].mean() > 0.95
+    off = np.abs(found['line_force'] / 200.0 - 1.0)
+    claimed = np.sqrt(found['covariance'][:, ROW.line_force, ROW.line_force]) / 200.0
+    assert np.mean((off > 0.02) & (off > 5.0 * claimed)) < 0.01
+
+
 def test_an_edge_blunter_than_any_bump():
     """The exponent of the bump is at its bound; this must not keep the yaw from converging."""
     rng = np.random.default_rng(38)

@@ -27,7 +27,7 @@ SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P: known skin, unk
 # Assumed scatter of unknown gains: sharp tier, robust tier, free tier.
 SCATTER = 0.05, 0.1, 0.05
 POWER, ENDS, ROBUST, PATCH, BASELINE = 1, 2, 4, 8, 16  # options, see `Beliefs`
-UNSEEN = 0.0, 0.01  # d that a fit may have absorbed: sharp load on a known skin, all others
+UNSEEN = 0.0, 0.05  # d where the residual does not show it: sharp load on a known skin, others
 
 
 @njit(error_model='numpy')

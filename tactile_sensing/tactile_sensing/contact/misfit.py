@@ -306,11 +306,11 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
     moved, both = _passed_on(beliefs.kind, pad, fit, answer, correlation, loaded)
     agreed, deviation, by_model = _agreement(
         beliefs.kind, pad, fit, rows, answer, correlation, loaded, moved, both)
-    d2 = beliefs.unseen * beliefs.unseen
+    d2 = beliefs.unseen ** 2
     if by_model > 0.0:
         # Standard deviation of d^2 under noise, relative to its prior.
-        worth = deviation / by_model / (ALLOWED * ALLOWED)
-        d2 += min(max(agreed / by_model, 0.0), LARGEST) / (1.0 + worth * worth)
+        worth = (deviation / by_model / (ALLOWED * ALLOWED)) ** 2
+        d2 = (min(max(agreed / by_model, 0.0), LARGEST) + worth * d2) / (1.0 + worth)
     small = fit.inverse * (SANDWICH if beliefs.robust else 1.0) + d2 * both
     if not beliefs.robust:
         small += _by_gains(fit, beliefs)

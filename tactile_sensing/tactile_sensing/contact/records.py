@@ -33,7 +33,7 @@ class Beliefs(NamedTuple):
     known: float  # known scatter g, used by a Gaussian fit; 0: unknown
     gain: float  # median of the prior of the scatter g
     gain_spread: float  # standard deviation of its logarithm
-    unseen: float  # d of `misfit` that a fit may have absorbed
+    unseen: float  # d of `misfit` where the residual does not show it
 
 
 class Fit(NamedTuple):
