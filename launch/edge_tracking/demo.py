@@ -37,7 +37,7 @@ from tactile_common.command_line import (
 )
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.parameter_file import ParameterFile
-from tactile_common.progress import Progress
+from tactile_common.progress import live_progress
 from tactile_common.ros.domains import hold_domain
 from tactile_common.ros.runner import freeze_heap, stop_on_signals
 from tactile_sensing.cli.options import add_shape
@@ -158,7 +158,7 @@ def track(options: argparse.Namespace, path: Path, scene: Scene, folder: Path, d
     with ExitStack() as stack:
         enter = stack.enter_context
         port, stop = enter(private_port()), enter(stop_on_signals())
-        progress = enter(Progress(scene.way or way_length(pattern)))
+        progress = enter(live_progress(scene.way or way_length(pattern)))
         parts = {name: enter(apart(name, *arguments, **common)) for name, arguments in (
             ('listeners', (folder / 'bag',)),
             ('mocks', (port, path, robot, options.seed)),

@@ -1,6 +1,10 @@
 """Progress display: one line on a terminal, nothing in a log."""
+from collections.abc import Iterator
+from contextlib import contextmanager
 import math
+import os
 import sys
+import threading
 from typing import TextIO
 
 from tqdm import tqdm
@@ -29,3 +33,34 @@ class Progress(tqdm):
             # At the very start the remaining time cannot be estimated.
             self.n = min(done, self.total) if done > 1e-3 * self.total else 0.0
         self.update(0)
+
+
+@contextmanager
+def live_progress(total: float) -> Iterator[Progress]:
+    """
+    Show progress while this process and its child processes log to standard error.
+
+    On a terminal the log lines are written above the bar, so that they do not break it.
+    """
+    if not sys.stderr.isatty():
+        with Progress(total) as progress:
+            yield progress
+        return
+    sys.stderr.flush()
+    reading, writing = os.pipe()
+    with os.fdopen(os.dup(2), 'w') as terminal, Progress(total, stream=terminal) as progress:
+        def relay() -> None:
+            with os.fdopen(reading, errors='replace') as lines:
+                for line in lines:
+                    progress.write(line, file=terminal, end='')
+
+        os.dup2(writing, 2)
+        os.close(writing)
+        relaying = threading.Thread(target=relay, daemon=True)
+        relaying.start()
+        try:
+            yield progress
+        finally:
+            sys.stderr.flush()
+            os.dup2(terminal.fileno(), 2)
+            relaying.join(1.0)  # do not wait longer for a child process that still runs

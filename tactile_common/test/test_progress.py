@@ -1,6 +1,13 @@
 """Progress on a terminal and in a log."""
+import fcntl
 import io
 import math
+import os
+import re
+import struct
+import subprocess
+import sys
+import termios
 
 from tactile_common.progress import Progress
 
@@ -41,3 +48,33 @@ def test_nan_moves_nothing():
         bar.show(0.5, 'track')
         bar.show(math.nan, 'hold')
     assert ' 50 %' in terminal.getvalue().split('\r')[-1] and 'nan' not in terminal.getvalue()
+
+
+PROGRAM = """
+import subprocess, sys
+from tactile_common.progress import live_progress
+with live_progress(4.0) as bar:
+    for done in range(4):
+        bar.show(float(done), 'track')
+        bar.refresh()
+        subprocess.run(['sh', '-c', 'echo a log line >&2'])
+print('after', file=sys.stderr)
+"""
+
+
+def test_lines_of_other_processes_are_not_cut_into():
+    ours, theirs = os.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack('4H', 24, 100, 0, 0))
+    with subprocess.Popen([sys.executable, '-c', PROGRAM], stderr=theirs) as program:
+        os.close(theirs)
+        shown = b''
+        try:
+            while data := os.read(ours, 4096):
+                shown += data
+        except OSError:  # what a terminal whose other end is closed gives
+            pass
+    os.close(ours)
+    assert program.returncode == 0
+    text = shown.decode()
+    assert re.split('[\r\n]+', text).count('a log line') == 4, text
+    assert ' 75 %' in text and text.endswith('\nafter\r\n')
