@@ -47,6 +47,16 @@ def test_messages_come_in_order_from_the_topics_that_are_asked_for(write, storag
     assert bytes(other.data) == rows[2][1]
 
 
+def test_the_damage_of_a_message_is_met_when_it_is_read(write):
+    with Bag(write([('/pose', pose(0)), ('/pose', b'junk')])) as bag:
+        first, second = bag.messages(['/pose'])
+        assert first.message.pose.position.x == 0.0
+        with pytest.raises(ConfigurationError, match='/pose at 1.0') as caught:
+            with second.reading():  # an outer block does not name it again
+                second.message  # noqa: B018
+        assert str(caught.value).count('/pose at') == 1
+
+
 @pytest.mark.parametrize('old, new, same', [
     ('', '', True), ('float64 x', 'float32 x', False),
     ('float64 x', '# of the tip\nuint8 KIND=1\nfloat64 x', True)])

@@ -25,8 +25,12 @@ from tactile_common.yaml_file import read_yaml
 AnyBag = TypeVar('AnyBag', bound='Bag')
 
 
+class DamagedMessageError(ConfigurationError):
+    """A recorded message cannot be read; the text names bag, topic and time."""
+
+
 class Recorded(NamedTuple):
-    """A message of a recording; the properties raise a ConfigurationError if it is damaged."""
+    """A message of a recording; the properties raise a DamagedMessageError if it is damaged."""
 
     topic: str
     received_ns: int  # time of reception
@@ -50,15 +54,15 @@ class Recorded(NamedTuple):
         """Name this message in the errors of a block that reads it."""
         try:
             yield
+        except DamagedMessageError:  # of a block within this one
+            raise
         except (TactileError, *DAMAGE) as error:
-            if str(error).startswith('bag '):
-                raise
             path, topic, at = self.bag.path, self.topic, 1e-9 * self.received_ns
             if isinstance(error, AttributeError):
-                raise ConfigurationError(
+                raise DamagedMessageError(
                     f'bag {path}: messages on {topic} are of another version of '
                     f'{self.bag.topics[topic]}: they have no field {error.name!r}') from error
-            raise ConfigurationError(
+            raise DamagedMessageError(
                 f'bag {path}: the message on {topic} at {at:.6f} s is damaged or of another '
                 f'kind: {_one_line(error)}') from error
 
