@@ -171,12 +171,13 @@ def felt(it: Shown) -> list[dict[str, Any]]:
 
 def plan(it: Shown, found: Outline | None) -> list[dict[str, Any]]:
     """Return the rebuilt outline from above; in a scene also true edge, pad and distances."""
-    run, scene = it.run, it.scene
-    edge = scene.edge.points if scene else found.points  # type: ignore[union-attr]
-    series = [] if scene is None else [
-        way('true edge', from_above(edge, edge), EDGE_COLOUR, width=6),
-        way('pad', from_above(edge, run.poses.position[it.real.tracking]), BLUE)]
+    run, scene, series = it.run, it.scene, []
+    if scene is not None:
+        edge = scene.edge.points
+        series += [way('true edge', from_above(edge, edge), EDGE_COLOUR, width=6),
+                   way('pad', from_above(edge, run.poses.position[it.real.tracking]), BLUE)]
     if found is not None:
+        edge = found.points if scene is None else edge
         series += [way(name, from_above(edge, points.reshape(-1, 3)), colour, **style)
                    for name, points, colour, style in (
                        ('contacts', run.contour, TRUE[1], {'dots': True}),

@@ -85,7 +85,7 @@ def _presses(pad: Pad, readings: Readings) -> bool:
 
 @njit(error_model='numpy')
 def _bad_fit(pad: Pad, readings: Readings, one: Hypothesis) -> int:
-    """Return BAD_FIT if the residual of a load is too large, TWO_CONTACTS too if that is why."""
+    """Return BAD_FIT if a residual is too large, with TWO_CONTACTS if the image has two hills."""
     wrong = one.misfit.apart > APART or one.residual.loud > NOISY or (
         (one.fit.weight > 0.0).sum() <= one.beliefs.active.size)  # too few readings for a test
     for significance, share in WRONG:
