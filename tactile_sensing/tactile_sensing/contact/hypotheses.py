@@ -52,10 +52,10 @@ SHOWN = 0.9  # a patch of higher probability is fitted
 MUCH = 15.0  # a larger error of a tactel is neither a patch nor drift [standard deviations]
 WRONG_SKIN = 0.05  # a larger residual beyond noise, as share of the pressure: wrong skin
 EXTRAPOLATED = 0.25  # with a larger share of the pressure above full scale the shape is unknown
-DISTINCT, ROUND = 4.0, 1.2  # half length over half width: above, no point; below, no line
+DISTINCT = 4.0  # half length over half width above which a load is no point
 STRIPS = 3  # rows or columns; fewer show no direction
 FIRST_PATCH = 0.1  # start value of the variance of a patch [depths^2]
-LONG = 2.0  # half length over half width, above which a line is tried first
+LONG = 2.0  # half length over half width above which a line is tried first
 SKIN_MISMATCH = int(Reason.SKIN_MISMATCH)
 
 
@@ -215,13 +215,16 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
     """
     Find the load with the greatest evidence; `best` is returned if no fit works.
 
-    In the steps before 0 each kind is fitted. Only if the evidence asks for it, a patch is added
-    to the best of them (0), a line with ends is fitted (1), and a patch is added to this (2).
+    In the steps before 0 a kind is fitted, the second only if the first leaves a residual. Only if
+    the evidence asks for it, a patch is added to the better of them (0), a line with ends is
+    fitted (1), and a patch is added to this (2).
     """
     line = best
     for step in range(-kinds.size, 3):
         kind, ends, patch = kinds[min(step, -1)], False, False
         theta = _cold_start(kind, power, guess, BASE + pad.depths.size)
+        if step == -1 and best.evidence > -np.inf and not _unexplained(best):
+            continue
         if step == 1:
             if line.evidence == -np.inf or not _unexplained(best):
                 break
@@ -235,29 +238,24 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
         one = _fitted(pad, readings, beliefs_of(
             pad, scatter, kind, ROBUST + BASELINE + POWER * power + ENDS * ends + PATCH * patch),
             theta)
-        better = one.evidence > best.evidence
-        if better:
-            best = one
         if step < 0 and kind == LINE:
             line = one
+        if one.evidence > best.evidence:
+            best = _judged(pad, readings, one)
         if step == -1 and best.evidence == -np.inf:
             break
-        if step == -1 or step >= 0 and better:
-            best = _judged(pad, readings, best)
     return best
 
 
 @njit(error_model='numpy')
 def _order(pad: Pad, guess: Guess, kinds: np.ndarray) -> np.ndarray:
-    """Return the kinds to try: those that the shape of the load allows, the likelier first."""
+    """Return the kinds to try, the likelier first."""
     if min(pad.x.size, pad.y.size) < STRIPS:  # no direction is visible
         return np.array([POINT])
     if kinds.size > 1 and guess.length > DISTINCT * guess.width:
         return np.array([LINE])
     if kinds.size > 1 and guess.length > LONG * guess.width:
         return np.array([LINE, POINT])
-    if kinds.size > 1 and guess.length < ROUND * guess.width:
-        return np.array([POINT])
     return kinds
 
 
