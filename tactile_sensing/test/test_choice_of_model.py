@@ -99,6 +99,23 @@ def test_the_type_is_found(make, kind, decibels):
     assert all(contact.valid == (contact.type in explained) for contact in found)
 
 
+def test_a_point_on_a_dead_row_is_found_within_its_claim():
+    rng, errors = np.random.default_rng(6), []
+    for _ in range(50):
+        place = rng.uniform(-8e-3, 8e-3, 2)
+        picture = press(*place)
+        noise = 0.01 * picture.max()
+        picture += rng.normal(0.0, noise, ARRAY.shape)
+        picture[np.abs(ARRAY.y - place[1]).argmin()] = 0.0
+        contact = estimate(picture, noise)
+        if contact.type == ContactType.POINT:
+            assert Reason.DEAD_TACTELS in contact.reasons
+            off = np.array([contact.x, contact.y]) - place
+            errors.append(off / np.sqrt(np.diag(contact.covariance)[:2]))
+    assert len(errors) > 45
+    assert np.sqrt(np.mean(np.square(errors))) < 1.4
+
+
 def test_shear_is_reported_within_its_claim():
     for shear in ((0.3, -0.2), (0.06, 0.04), (0.0, 0.0)):
         found = list(noisy_estimates(

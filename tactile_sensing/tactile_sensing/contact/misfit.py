@@ -13,7 +13,6 @@ from tactile_sensing.skin.kernel import MAX_VARIANCE
 LOADED = 0.02  # share of the peak from which a tactel is examined for an error of the model
 ALLOWED, LARGEST = 0.1, 0.5  # prior standard deviation of d; largest d^2
 LOUD = 4.5  # a larger error of a tactel is not noise [standard deviations]
-SILENT = 0.7  # a dead tactel lacks at least this share of its load
 AWAY = 0.1  # share of the peak below which a tactel is away from the load
 HALF_WIDTH = 0.64  # half width at half height of a line on a half-space [depths]
 PATCHES = 90  # integration steps over the variance of a patch
@@ -33,11 +32,12 @@ def residual_of(fit: Fit, readings: Readings) -> Residual:
             loudest, kept = max(loudest, ratio), kept + 1.0
             if fit.model[t] ** 2 > LOUD ** 2 * noise2[t]:
                 squared, lit = squared + ratio, lit + 1.0
-                silent += (fit.model[t] > 2.0 * LOUD * math.sqrt(noise2[t])
-                           and fit.error[t] < -SILENT * fit.model[t])
+            least = LOUD * math.sqrt(noise2[t])
+            dead = fit.model[t] > 2.0 * least and fit.model[t] + fit.error[t] < least
+            silent += dead
             by_noise += fit.error[t] ** 2 / noise2[t]
             power += fit.model[t] ** 2
-            if ratio < LOUD ** 2:  # an outlier is a fault, not an error of the model
+            if ratio < LOUD ** 2 and not dead:  # a fault is no error of the model
                 beyond += fit.error[t] ** 2 - noise2[t]
             else:
                 loud += 1.0
