@@ -26,7 +26,7 @@ BESIDE = {f'test_{name}.py' for name in (
     'cdr', 'demo_recording', 'docs', 'executables', 'golden_bags', 'hostile_files',
     'import_contracts', 'matrix_fit', 'mistakes', 'package_files', 'parameter_file',
     'public_names', 'read_run',
-    'real_skin', 'recording_summary', 'replay_command', 'report', 'sensor_arguments', 'summary',
+    'real_skin', 'replay_command', 'report', 'sensor_arguments', 'summary',
     'surface_summary', 'urdf')}
 
 
@@ -36,6 +36,16 @@ def of_a_graph(path):
     if path.parent in WHOLE:
         return path.name not in BESIDE
     return 'rclpy' in path.read_text(encoding='utf-8')
+
+
+@pytest.fixture
+def context():
+    """Give a ROS context of the test's own."""
+    import rclpy
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    yield context
+    context.try_shutdown()
 
 
 def pytest_collection_modifyitems(items):

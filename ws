@@ -479,7 +479,8 @@ run_tests() {
         done
     fi
     if [ "$everything" ] && python3 -c 'import xdist' 2>/dev/null; then
-        run_pytest -n auto -m 'not graph' "$@" || status=$?
+        # A file on one core: what its tests share is made once.
+        run_pytest -n auto --dist loadfile -m 'not graph' "$@" || status=$?
         set -- -m graph "$@"
     fi
     run_pytest "$@" || status=$?

@@ -13,7 +13,6 @@ DEADLINE = 60.0  # s
 
 
 def executable(package, name):
-    """Path of an installed executable."""
     return str(Path(get_package_prefix(package), 'lib', package, name))
 
 
@@ -26,7 +25,6 @@ def run(package, name, *arguments):
 
 
 def ros_arguments(**parameters):
-    """Command line that sets parameters."""
     return ['--ros-args', *(part for name, value in parameters.items()
                             for part in ('-p', f'{name}:={value}'))]
 
@@ -52,20 +50,9 @@ CASES = {
     'calibration_of_wrong_size': (
         'tactile_sensing', 'driver', {'port': '{}/port', 'calibration': '{}/calibration.yaml'},
         'baseline'),
-    'missing_calibration': (
-        'tactile_sensing', 'driver', {'port': '{}/port', 'calibration': '{}/none.yaml'},
-        'none.yaml'),
-    'unknown_scene': (
-        'tactile_simulation', 'mock_sensor', {'port': '{}/port', 'scene': '{}/none.yaml'},
-        'none.yaml: cannot be read'),
     'malformed_scene': (
         'tactile_simulation', 'mock_sensor', {'port': '{}/port', 'scene': '{}/bad.yaml'},
         'bad.yaml: is not YAML'),
-    'scene_of_another_kind': (
-        'tactile_simulation', 'mock_sensor', {'port': '{}/port', 'scene': '{}/list.yaml'},
-        'list.yaml'),
-    'rate_out_of_range': (
-        'tactile_simulation', 'mock_sensor', {'port': '{}/port', 'rate': '0.0'}, "'rate'"),
     'malformed_urdf_of_the_servo': (
         'tactile_servo', 'edge_servo', {'robot_description': '{}/bad.urdf'}, 'malformed XML'),
     'malformed_urdf_of_the_robot': (

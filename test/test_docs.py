@@ -126,6 +126,5 @@ def test_the_tests_that_the_safety_page_names_are_there():
     named = re.findall(r'`(test_\w+\.py)::(test_\w+)`', page)
     assert len(named) > 10
     for file, name in named:
-        path, = ROOT.glob(f'**/test/{file}') if not (ROOT / 'test' / file).exists() else [
-            ROOT / 'test' / file]
+        path, = *ROOT.glob(f'*/test/{file}'), *ROOT.glob(f'test/{file}')
         assert f'def {name}(' in path.read_text('utf-8'), f'{file}::{name}'

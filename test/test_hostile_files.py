@@ -121,8 +121,8 @@ def bomb(folder, file, name, shape, dtype='<f8', version=1):
 
 
 def test_archives(tmp_path):
-    large = bomb(tmp_path, 'large', 't', (20_000, 32, 64))  # 328 MB
-    row = bomb(tmp_path, 'row', 'frames', (2, 8_000_000))
+    large = bomb(tmp_path, 'large', 't', (6_000, 32, 64))  # 98 MB
+    row = bomb(tmp_path, 'row', 'frames', (2, 2_000_000))
     head = bomb(tmp_path, 'head', 'frames', (300_000_000,), '<u1', version=2)
     assert large.stat().st_size < 500_000
     with zipfile.ZipFile(tmp_path / 'method.npz', 'w', zipfile.ZIP_LZMA) as archive:
@@ -136,12 +136,12 @@ def test_archives(tmp_path):
             plain, {'descr': '<f8', 'fortran_order': False, 'shape': (2, 8_000_000)})
         plain.truncate(plain.tell() + 2 * 8 * 8_000_000)
     cases = [
-        ('frames', row, 'a row of frames', '64 MB, at most 4 MB'),
+        ('frames', row, 'a row of frames', '16 MB, at most 4 MB'),
         ('frames', tmp_path / 'row.npy', 'a row of frames', '64 MB, at most 4 MB'),
         ('frames', head, 'is not an .npz archive of numbers', ''),
         ('recording', tmp_path / 'method.npz', 'compressed in a way that NumPy does not', ''),
         ('recording', tmp_path / 'rate.npz', 'is not an .npz archive of numbers', ''),
-        ('contacts', large, 't (20000, 32, 64)', 'at most 67 MB are read'),
+        ('contacts', large, 't (6000, 32, 64)', 'at most 67 MB are read'),
     ]
     lines = refusals([case[:2] for case in cases])
     for line, (_, path, *words) in zip(lines, cases, strict=True):

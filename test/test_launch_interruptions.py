@@ -49,7 +49,6 @@ class Interrupted:
         return len(self.launch.found(rf'\[{name}-\d+\]: process started'))
 
     def restarted(self, name, times):
-        """Wait for another start of a node."""
         self.launch.wait(rf'\[{name}-\d+\]: process started', times + 1)
 
     def ended(self, client):

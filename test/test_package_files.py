@@ -28,10 +28,14 @@ def test_licence_and_changelog(folder):
     assert heading == 'Forthcoming' or heading.startswith(about.findtext('version'))
 
 
-def test_one_version_and_one_maintainer():
+def test_one_version_one_maintainer_and_urls_of_one_place():
     for value in (lambda about: about.findtext('version'),
                   lambda about: ElementTree.tostring(about.find('maintainer')).strip()):
         assert len({value(manifest(folder)) for folder in PACKAGES}) == 1
+    assert len({tuple((url.get('type'), url.text) for url in manifest(folder).iter('url'))
+                for folder in PACKAGES}) == 1
+    assert [url.get('type') for url in manifest(PACKAGES[0]).iter('url')] == [
+        'website', 'repository', 'bugtracker']
 
 
 def test_pre_commit_has_the_pinned_versions():
@@ -62,15 +66,12 @@ def lies_somewhere(name):
     return any((folder / name).is_file() for folder in (ROOT, *PACKAGES))
 
 
-def test_modules_that_the_architecture_names_exist():
+def test_files_that_architecture_and_contributing_name_exist():
     table = (ROOT / 'docs' / 'architecture.md').read_text('utf-8').partition('Where to look')[2]
     named = list(modules_named(table.partition('## Nodes')[0]))
     assert len(named) > 30
     assert [name for name in named if not lies_somewhere(name)] == []
     assert not lies_somewhere('tactile_sensing/half_space/no_such_module.py')
-
-
-def test_files_that_contributing_names_exist():
     text = (ROOT / 'CONTRIBUTING.md').read_text('utf-8')
     named = re.findall(r'`((?:tactile_\w+|launch|test)/[\w/.]+)`', text)
     assert len(named) > 6
@@ -94,13 +95,6 @@ def test_readme_names_executables_and_public_names(folder):
     wanted = {*executables(folder), *public}
     assert not wanted - {*re.findall(r'`(\w+)`', text)}
     assert bool(executables(folder)) == (name not in ('tactile_msgs', 'tactile_tests'))
-
-
-def test_urls_are_of_one_place():
-    assert len({tuple((url.get('type'), url.text) for url in manifest(folder).iter('url'))
-                for folder in PACKAGES}) == 1
-    assert [url.get('type') for url in manifest(PACKAGES[0]).iter('url')] == [
-        'website', 'repository', 'bugtracker']
 
 
 def test_citation():

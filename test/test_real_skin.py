@@ -87,7 +87,7 @@ def test_claims_hold(judged, kind):
 def test_claims_hold_with_skins_that_were_calibrated():
     """What gain and skin are off by is common to all edges: several calibrations, each its own."""
     rng, array, squares = np.random.default_rng(6), ARRAYS['16x16'], []
-    for skin in ((np.inf, 0.45), (10e-3, 0.3), (8e-3, 0.49), (6e-3, 0.45), (4e-3, 0.3)):
+    for skin in ((np.inf, 0.45), (8e-3, 0.49), (4e-3, 0.3)):
         found = pad(ball(*skin), array, Converter(), rng)
         for profile in profiles():
             if profile['kind'] == 'wedge' and (profile['backing'], profile['poisson']) == skin:
@@ -131,12 +131,9 @@ def test_a_flat_punch_that_presses_all_of_a_pad_drifts_by_nothing(decibels):
 
 def test_claims_allow_for_a_poisson_ratio_that_is_assumed():
     """Thin skins of .3, assumed to be .45; and claims are narrow where it is told."""
-    ratios = []
-    for backing in (2e-3, 4e-3):
-        assumed, told = (
-            pad(ball(backing, 0.3), ARRAYS['16x16'], Converter(), np.random.default_rng(2),
-                poisson=poisson) for poisson in (None, 0.3))
-        ratios.append([(it.depth - DEPTH) / it.found['skin']['depth_std']
-                       for it in (assumed, told)])
-        assert told.found['skin']['depth_std'] < 2.0 * assumed.found['skin']['depth_std']
-    assert (np.sqrt(np.mean(np.square(ratios), axis=0)) < 1.3).all()
+    assumed, told = (
+        pad(ball(2e-3, 0.3), ARRAYS['16x16'], Converter(), np.random.default_rng(2),
+            poisson=poisson) for poisson in (None, 0.3))
+    for it in (assumed, told):
+        assert abs(it.depth - DEPTH) < 1.3 * it.found['skin']['depth_std']
+    assert told.found['skin']['depth_std'] < 2.0 * assumed.found['skin']['depth_std']

@@ -27,8 +27,8 @@ def tracked(tmp_path_factory):
         it.scene.world()  # before the nodes begin
         it.add_all()
         it.graph.add(ShapeEstimatorNode)
-        it.touches = it.listener._keep(PoseStamped, 'surface_contact', 1000)
-        it.patches = it.listener._keep(SurfacePatch, 'surface_patch', 1000)
+        it.touches = it.listener.keep(PoseStamped, 'surface_contact', 1000)
+        it.patches = it.listener.keep(SurfacePatch, 'surface_patch', 1000)
         client = it.start_tracking(length=LENGTH, speed=0.03)
         it.reach(0.5 * LENGTH)
         assert it.pause(True).success

@@ -52,31 +52,25 @@ def settled(it):
     return poses[inside]
 
 
-def test_goal_succeeds(tracked):
+def test_goal_succeeds_and_every_command_is_taken_as_it_is(tracked):
     client = tracked.client
     assert client.success, client.reason
     assert client.reason == 'length reached'
     assert client.result.tracked_length == pytest.approx(LENGTH, abs=1e-3)
     assert len(client.result.contour) > 10
     assert client.feedback.progress > 0.5 * LENGTH
+    assert tracked.refused == 0
+    assert tracked.robot.controller.limit_violations == 0
 
 
-def test_pad_stays_over_the_true_edge(tracked):
+def test_pad_stays_over_the_true_edge_with_the_wanted_force(tracked):
     lateral, _ = tracked.scene.edge.nearest(settled(tracked)[:, :3, 3])
     assert np.sqrt(np.mean(lateral**2)) < 5e-5
     assert np.abs(lateral).max() < 3e-4
-
-
-def test_true_force_is_the_wanted_one(tracked):
     renderer = EdgeWorld(tracked.scene)
     force = np.array([renderer.force(pose) for pose in settled(tracked)[::5]])
     assert force.mean() == pytest.approx(FORCE, rel=0.05)
     assert np.sqrt(np.mean((force - FORCE)**2)) < 0.1 * FORCE
-
-
-def test_robot_takes_every_command_as_it_is(tracked):
-    assert tracked.refused == 0
-    assert tracked.robot.controller.limit_violations == 0
 
 
 def test_states_follow_in_order(tracked):
@@ -101,15 +95,6 @@ def test_every_cycle_is_accounted_for(tracked):
     active = [s for s in statuses if s.state in (ServoStatus.APPROACH, ServoStatus.TRACK)]
     assert all(s.controller == 'trace' and s.reason for s in active)
     assert all(s.contact_fresh and s.joints_fresh for s in active)
-
-
-def test_speed_beyond_the_limit_is_rejected_and_says_so(tracked):
-    client = tracked.track(speed=0.5)
-    assert client.finished and not client.success
-    why = 'speed is 0.5, must be between 0.0001 and 0.2 m/s'
-    assert 'rejected' in client.reason and why in client.reason
-    tracked.wait(lambda: tracked.listener.said(why), 'the reason')
-    assert tracked.listener.state == ServoStatus.IDLE
 
 
 def test_method_is_selected_by_a_parameter():

@@ -148,11 +148,9 @@ class RecordedSimulation(Simulation):
         return convert, sensor_info_from_msg(sent(sensor_info_to_msg(info)))
 
     def picture(self, pose):
-        """As in the graph, in single precision."""
         return image_from_msg(sent(image_to_msg(super().picture(pose))))
 
     def close(self):
-        """Finish the bag."""
         servo = self.servo
         self._write('servo_calls', journal_to_msg(servo.journal.take(), 0, FRAME))
         self._writer.close()

@@ -38,49 +38,39 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class ListenerNode(Node):
-    """
-    Keeps every message of a namespace.
-
-    Attributes
-    ----------
-    statuses, contacts, images, infos, poses, joints, logs : list
-        In the order of arrival.
-    """
+    """Keeps every message of a namespace, in lists in the order of arrival."""
 
     def __init__(self, **kwargs):
         super().__init__('listener', **kwargs)
-        self.statuses = self._keep(ServoStatus, 'servo_status', _DEEP)
-        self.contacts = self._keep(Contact, 'contact', _SENSOR)
-        self.images = self._keep(TactileImage, 'image', _SENSOR)
-        self.infos = self._keep(SensorInfo, 'sensor_info', _LATCHED)
-        self.poses = self._keep(PoseStamped, 'sensor_pose', _SENSOR)
-        self.joints = self._keep(JointState, '/joint_states', _SENSOR)
-        self.logs = self._keep(Log, '/rosout', _DEEP)
-        self.pause_client = self.create_client(SetBool, 'edge_servo/pause')
+        self.statuses = self.keep(ServoStatus, 'servo_status', _DEEP)
+        self.contacts = self.keep(Contact, 'contact', _SENSOR)
+        self.images = self.keep(TactileImage, 'image', _SENSOR)
+        self.infos = self.keep(SensorInfo, 'sensor_info', _LATCHED)
+        self.poses = self.keep(PoseStamped, 'sensor_pose', _SENSOR)
+        self.joints = self.keep(JointState, '/joint_states', _SENSOR)
+        self.logs = self.keep(Log, '/rosout', _DEEP)
+        self.pause_client: Any = self.create_client(SetBool, 'edge_servo/pause')
 
-    def _keep(self, kind, topic, qos):
-        kept = []
+    def keep(self, kind, topic, qos):
+        """Return a list that takes every message of a topic."""
+        kept: list[Any] = []
         self.create_subscription(kind, topic, kept.append, qos)
         return kept
 
     @property
     def tared(self):
-        """Whether the sensor has been tared."""
         return bool(self.infos) and self.infos[-1].tared_at.sec > 0
 
     @property
     def state(self):
-        """The servo's newest state, None before the first."""
         return self.statuses[-1].state if self.statuses else None
 
     @property
     def reason(self):
-        """The servo's newest reason."""
         return self.statuses[-1].reason if self.statuses else ''
 
     @property
     def code(self) -> int | None:
-        """Code of the servo's newest reason, None before the first."""
         return self.statuses[-1].reason_code if self.statuses else None
 
     @property
@@ -94,20 +84,7 @@ class ListenerNode(Node):
 
 
 class Bench:
-    """
-    A graph with a listener.
-
-    Attributes
-    ----------
-    graph : Graph
-    port : Path
-        The sensor's port.
-    scene : Scene
-    robot : MockRobotNode or None
-    listener : ListenerNode
-    listeners : list of ListenerNode
-        Those to servos that are resumed when they hold.
-    """
+    """A graph with a listener; `listeners` are those to servos that are resumed when they hold."""
 
     def __init__(self, graph, port, scene='straight'):
         self.graph, self.port = graph, port
@@ -125,7 +102,6 @@ class Bench:
         return self
 
     def node(self, name):
-        """Return a node of the graph by its name."""
         return next(node for node in self.graph.nodes if node.get_name() == name)
 
     @property
@@ -134,7 +110,6 @@ class Bench:
         return self.robot.rejected - self.robot.late
 
     def remove(self, name):
-        """Destroy a node."""
         node = self.node(name)
         self.graph.nodes.remove(node)
         self.graph.executor.remove_node(node)
@@ -152,11 +127,9 @@ class Bench:
             f'{self.listener.reason!r}; log: {[log.msg for log in self.listener.logs[-5:]]}')
 
     def start_tracking(self, **goal):
-        """Send a goal, return its client."""
         return self.graph.add(TrackNode, action=self.scene.action, **goal)
 
     def track(self, **goal):
-        """Send a goal, wait for its end and return its client."""
         client = self.start_tracking(**goal)
         self.finish(client)
         self.remove('track')
@@ -185,7 +158,6 @@ class Bench:
                     and self.listener.statuses[-1].progress >= progress, 'tracking', seconds)
 
     def finish(self, client):
-        """Wait for the end of a goal."""
         self.attend(lambda: client.finished, 'the end of the goal')
 
     def pause(self, paused, listener=None):
@@ -231,5 +203,4 @@ def bench(scene='straight', namespace='tactile', parameters=None, domain=None):
 
 
 def stamp_of(message):
-    """Return a message's stamp [s]."""
     return stamp_to_seconds(message.header.stamp)

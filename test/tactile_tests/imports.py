@@ -136,27 +136,13 @@ def _with_submodules(tree: Tree) -> Tree:
 
 def cycles(edges: dict[str, set[str]]) -> list[list[str]]:
     """Return the strongly connected parts of a graph that have more than one node."""
-    index: dict[str, int] = {}
-    low: dict[str, int] = {}
-    stack: list[str] = []
-    found: list[list[str]] = []
-
-    def visit(node):
-        index[node] = low[node] = len(index)
-        stack.append(node)
-        for other in sorted(edges.get(node, ())):
-            if other not in index:
-                visit(other)
-                low[node] = min(low[node], low[other])
-            elif other in stack:
-                low[node] = min(low[node], index[other])
-        if low[node] == index[node]:
-            part: list[str] = []
-            while not part or part[-1] != node:
-                part.append(stack.pop())
-            if len(part) > 1:
-                found.append(sorted(part))
-    for node in sorted(edges):
-        if node not in index:
-            visit(node)
-    return found
+    ways: dict[str, set[str]] = {}  # to what a node leads
+    for node in edges:
+        waiting, ways[node] = [node], set()
+        while waiting:
+            new = edges.get(waiting.pop(), set()) - ways[node]
+            ways[node] |= new
+            waiting += new
+    rings = {frozenset({node} | {other for other in ways[node] if node in ways.get(other, ())})
+             for node in edges}
+    return sorted(sorted(ring) for ring in rings if len(ring) > 1)

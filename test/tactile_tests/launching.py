@@ -39,21 +39,13 @@ def edge_tracking(**arguments):
 
 
 class Processes:
-    """
-    What the processes of a launch wrote and how they ended.
-
-    Attributes
-    ----------
-    exits : dict
-        Exit status by process name, without the number that launch appends.
-    """
+    """What the processes of a launch wrote, and `exits`: their exit statuses by name."""
 
     def __init__(self):
         self.exits, self._text = {}, {}
         self._changed = threading.Condition()
 
     def handlers(self):
-        """Return the actions that feed this object."""
         return [RegisterEventHandler(OnProcessExit(on_exit=self._on_exit)),
                 RegisterEventHandler(OnProcessIO(on_stdout=self._on_text,
                                                  on_stderr=self._on_text))]
@@ -74,7 +66,6 @@ class Processes:
             self._changed.notify_all()
 
     def text(self, name):
-        """Return what a process has written."""
         return self._text.get(name, '')
 
     def wait(self, condition, what):
@@ -85,16 +76,7 @@ class Processes:
 
 
 class Launched:
-    """
-    A launch as a process group of its own, as under a terminal.
-
-    Attributes
-    ----------
-    lines : list of str
-        What it has written.
-    status : int or None
-        Its exit status, None before its end.
-    """
+    """A launch as a process group of its own, as under a terminal, and the lines it wrote."""
 
     def __init__(self, arguments, **environment):
         self.lines, self._changed = [], threading.Condition()
@@ -116,7 +98,6 @@ class Launched:
         return self._process.poll()
 
     def found(self, text):
-        """Return the lines that a regular expression is found in."""
         return [line for line in self.lines if re.search(text, line)]
 
     def wait(self, text, times=1):
