@@ -8,7 +8,6 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import pytest
-import rclpy
 from rclpy.subscription import RCLError
 
 from tactile_common.ros.node import TactileNode
@@ -40,9 +39,7 @@ class Refusing:
 
 
 @pytest.fixture
-def bench():
-    context = rclpy.Context()
-    rclpy.init(context=context)
+def bench(context):
     node = TactileNode('sender', context=context)
     executor = make_executor(context)
     executor.add_node(node)
@@ -54,7 +51,6 @@ def bench():
     yield node, wait, context
     executor.shutdown()
     node.destroy_node()
-    context.try_shutdown()
 
 
 def told(node):

@@ -2,7 +2,6 @@
 from dataclasses import dataclass, field
 
 import pytest
-import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -35,9 +34,7 @@ class Config:
 
 
 @pytest.fixture
-def declared():
-    context = rclpy.Context()
-    rclpy.init(context=context)
+def declared(context):
     nodes = []
 
     def declare(given=None):
@@ -47,17 +44,13 @@ def declared():
     yield declare
     for node in nodes:
         node.destroy_node()
-    context.try_shutdown()
 
 
-def test_defaults_are_those_of_the_outer_class(declared):
+def test_defaults_are_those_of_the_outer_class_and_given_values_go_before(declared):
     node, config = declared()
     assert config == Config() and config.path.force.steps == 7 and config.force.gain == 30.0
     assert node.get_parameter('force.gain').value == 30.0
     assert node.get_parameter('path.force.steps').value == 7
-
-
-def test_given_values(declared):
     _, config = declared({'force.gain': 5, 'path.force.gain': 6.0, 'path.cut': 0.0,
                           'method': 'moments', 'box': [3.0]})
     assert config == Config(Path(Force(6.0, 7), 0.0), Force(5.0), 'moments', (3.0,))

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from tactile_common.geometry import wrap_angle
-from tactile_common.kernels import njit
 from tactile_common.polyline import arc_length, nearest_on_polyline, resample
 
 # An L: 3 m along x, then 4 m along y.
@@ -24,31 +23,21 @@ def moved(points, angle, shift):
     return points @ np.array([[c, s], [-s, c]]) + shift
 
 
-@pytest.mark.parametrize('angle, wrapped', [
-    (0.0, 0.0), (0.5, 0.5), (-0.5, -0.5), (2.0 * math.pi + 0.5, 0.5), (-7.0, -7.0 + 2.0 * math.pi),
-    (1.5 * math.pi, -0.5 * math.pi)])
-def test_wrap(angle, wrapped):
-    assert wrap_angle(angle) == pytest.approx(wrapped, abs=1e-14)
-    np.testing.assert_allclose(wrap_angle(np.array([angle, angle])), wrapped, atol=1e-14)
-
-
 @given(st.floats(-1e3, 1e3), st.integers(-20, 20))
 def test_wrap_leaves_the_direction(angle, turns):
     wrapped = wrap_angle(angle + 2.0 * math.pi * turns)
     assert -math.pi <= wrapped <= math.pi
     assert math.cos(wrapped - angle) == pytest.approx(1.0, abs=1e-12)
+    np.testing.assert_array_equal(wrap_angle(np.full(2, angle)), wrap_angle(angle))
 
 
-def test_arc_length():
+def test_arc_length_and_resampling():
     np.testing.assert_array_equal(arc_length(CORNER), [0.0, 3.0, 7.0])
     np.testing.assert_array_equal(arc_length(CORNER, 0.5), [0.5, 3.5, 7.5])
     np.testing.assert_array_equal(arc_length(np.array([[0.0, 0, 0], [1.0, 2, 2]])), [0.0, 3.0])
     assert arc_length(CORNER[:1]) == [0.0] and not len(arc_length(CORNER[:0]))
     wide = np.column_stack([CORNER, [5.0, 6.0, 9.0]])
     np.testing.assert_array_equal(arc_length(wide[:, :2]), [0.0, 3.0, 7.0])
-
-
-def test_resample():
     along = arc_length(CORNER)
     np.testing.assert_allclose(resample(CORNER, along, np.array([-1.0, 1.5, 3.0, 5.0, 9.0])),
                                [[0, 0], [1.5, 0], [3, 0], [3, 2], [3, 4]])
@@ -80,14 +69,11 @@ def test_the_side_outside_a_sharp_corner():
     assert found.offset == pytest.approx(-math.hypot(1.0, 0.05))
 
 
-def test_projection_between_stations():
+def test_projection_between_stations_and_on_chords_without_length():
     both = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.1]])
     assert nearest(both, 0.0, 0.05).station == pytest.approx(0.0)
     assert nearest(both, 0.0, 0.06, 1.5, 9.0).station > 3.0
     assert nearest(both, 0.0, 0.1, 0.0, 0.5).station == pytest.approx(0.0)
-
-
-def test_chords_without_length():
     doubled = np.repeat(CORNER, 2, axis=0)
     for point in ((-1.0, 1.0), (1.0, 0.5), (3.0, 1.0), (4.0, -0.1), (3.5, 6.0)):
         assert nearest(doubled, *point) == pytest.approx(nearest(CORNER, *point))
@@ -114,23 +100,3 @@ def test_nothing_depends_on_the_frame(vertices, point, angle, shift):
         length = arc_length(polyline)
         samples = resample(polyline, length, np.linspace(0.0, length[-1], 200))
         assert np.linalg.norm(samples - at, axis=1).min() > abs(result.offset) - 1e-9
-
-
-@settings(deadline=None)  # the first call may compile
-@given(st.lists(st.tuples(COORDINATES, COORDINATES), min_size=2, max_size=8, unique=True),
-       st.tuples(COORDINATES, COORDINATES))
-def test_the_way_back_sees_the_other_side(vertices, point):
-    points = np.array(vertices)
-    found, back = nearest(points, *point), nearest(points[::-1].copy(), *point)
-    assert abs(back.offset) == pytest.approx(abs(found.offset), abs=1e-12)
-
-
-def test_in_a_kernel_on_records():
-    node = np.zeros(3, [('x', float), ('y', float), ('station', float)])
-    node['x'], node['y'], node['station'] = *CORNER.T, arc_length(CORNER)
-
-    @njit(cache=True)
-    def kernel(nodes):
-        found = nearest_on_polyline(nodes['x'], nodes['y'], nodes['station'], 1.0, 0.5)
-        return found.station + found.offset + wrap_angle(7.0)
-    assert kernel(node) == pytest.approx(1.5 + 7.0 - 2.0 * math.pi)

@@ -19,34 +19,19 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_log_gets_nothing():
-    log = io.StringIO()
-    with Progress(4.0, stream=log) as bar:
-        bar.show(1.0, 'track', '10 mm')
-    assert log.getvalue() == ''
+def test_a_log_gets_nothing_nor_does_a_terminal_of_what_is_short():
+    for stream, delay in ((io.StringIO(), 0.0), (Terminal(), 60.0)):
+        with Progress(4.0, delay=delay, stream=stream) as bar:
+            bar.show(1.0, 'track', '10 mm')
+        assert stream.getvalue() == ''
 
 
 def test_a_terminal_gets_one_line():
     terminal = Terminal()
     with Progress(2.0, stream=terminal) as bar:
         bar.show(1.0, 'fit')
+        bar.show(math.nan, 'hold')  # moves nothing
     assert terminal.getvalue().count('\n') == 1 and terminal.getvalue().endswith('\n')
-    assert '50 %' in terminal.getvalue().split('\r')[-1]
-
-
-def test_nothing_is_shown_of_what_is_short():
-    stream = Terminal()
-    with Progress(1.0, delay=60.0, stream=stream) as bar:
-        bar.show(0.5, 'fit')
-        bar.show(1.0, 'fit')
-    assert stream.getvalue() == ''
-
-
-def test_nan_moves_nothing():
-    terminal = Terminal()
-    with Progress(1.0, stream=terminal) as bar:
-        bar.show(0.5, 'track')
-        bar.show(math.nan, 'hold')
     assert ' 50 %' in terminal.getvalue().split('\r')[-1] and 'nan' not in terminal.getvalue()
 
 

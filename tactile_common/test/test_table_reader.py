@@ -24,14 +24,11 @@ def test_ways_to_write_a_table(tmp_path, text):
     np.testing.assert_array_equal(read(path), [[1, 2.5, -3], [4, 5, 6], [7, 8, 9]])
 
 
-def test_numbers_survive_as_saved(tmp_path):
+def test_numbers_survive_as_saved_and_integers_are_told_from_them(tmp_path):
     table = np.random.default_rng(0).normal(0.0, 1e-3, (5, 7))
     table[2, 3] = np.nan
     np.savetxt(tmp_path / 't.csv', table, delimiter=',')
     np.testing.assert_array_equal(read(tmp_path / 't.csv'), table)
-
-
-def test_integers_are_told_from_real_numbers(tmp_path):
     path = tmp_path / 't.csv'
     path.write_text('1,-2\n3,4\n')
     assert TableReader(path).dtype == read(path).dtype == np.int64
@@ -55,13 +52,10 @@ def test_what_is_no_table_is_named(tmp_path, data, words):
     assert words in str(error.value) and str(error.value).startswith(f'{path}: ')
 
 
-def test_a_large_table_is_refused_before_it_is_read(tmp_path):
+def test_a_large_table_is_refused_before_it_is_read_and_no_file_is_named(tmp_path):
     with open(tmp_path / 't.csv', 'wb') as file:
         file.truncate(80_000_000)
     with pytest.raises(ConfigurationError, match='save it as .npy.* would take 80 MB'):
         read(tmp_path / 't.csv')
-
-
-def test_no_file(tmp_path):
     with pytest.raises(ConfigurationError, match=r'gone.csv: cannot be read: No such file'):
         TableReader(tmp_path / 'gone.csv')
