@@ -53,7 +53,6 @@ class Bench:
             None, self.reports[-1].level)
 
     def value(self, key):
-        """Return a value of the last diagnostic report."""
         return {it.key: it.value for it in self.reports[-1].values}[key] if self.reports else None
 
     def __enter__(self):

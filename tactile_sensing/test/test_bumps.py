@@ -3,21 +3,8 @@ from averages_over_tactels import line_average
 import numpy as np
 import pytest
 
-from tactile_sensing.skin.bumps import (
-    add_rows,
-    BASE,
-    BEGIN,
-    END,
-    EXPONENT,
-    FORCE,
-    LINE,
-    POINT,
-    Q0,
-    Q1,
-    SHEAR_U,
-    SHEAR_V,
-    WIDTH,
-)
+from tactile_sensing.skin import bumps
+from tactile_sensing.skin.bumps import BASE, FORCE, LINE, POINT, Q0, Q1, WIDTH
 from tactile_sensing.skin.pad import pad_of
 from tactile_sensing.thesis import point
 from tactile_sensing.types.array import TactelArray
@@ -25,8 +12,9 @@ from tactile_sensing.types.array import TactelArray
 ARRAY, DEPTH = TactelArray(12, 16, 1.6e-3, 1.4e-3), 2e-3
 ONE, TWO, SHEARED = (('zz', DEPTH),), (('zz', DEPTH), ('zz', 2 * DEPTH)), (
     ('zz', DEPTH), ('xz', DEPTH), ('yz', DEPTH))
-SHARP = [Q0, Q1, FORCE, SHEAR_U]
-STEPS = {Q0: 1e-7, Q1: 1e-7, BEGIN: 1e-7, END: 1e-7, WIDTH: 1e-5, EXPONENT: 1e-5}  # forces: 1e-3
+SHARP = [Q0, Q1, FORCE, bumps.SHEAR_U]
+STEPS = {Q0: 1e-7, Q1: 1e-7, bumps.BEGIN: 1e-7, bumps.END: 1e-7, WIDTH: 1e-5,
+         bumps.EXPONENT: 1e-5}  # forces: 1e-3
 
 
 def loaded(kind, layers=1, seed=0, **values):
@@ -35,11 +23,11 @@ def loaded(kind, layers=1, seed=0, **values):
     theta = np.zeros(BASE + layers)
     theta[Q0] = rng.uniform(-5e-3, 5e-3)
     theta[Q1] = rng.uniform(-5e-3, 5e-3) if kind == POINT else rng.uniform(-1.5, 1.5)
-    theta[FORCE], theta[SHEAR_U] = 3.0, 0.5
+    theta[FORCE], theta[bumps.SHEAR_U] = 3.0, 0.5
     if kind == POINT:
-        theta[SHEAR_V] = -0.7
+        theta[bumps.SHEAR_V] = -0.7
     for name, value in values.items():
-        theta[globals()[name]] = value
+        theta[getattr(bumps, name)] = value
     return theta
 
 
@@ -47,7 +35,7 @@ def rows(kind, power, pad, theta, *, ends=False, wide=True):
     """Return the image (tactels,) and its derivatives (parameters, tactels)."""
     size = pad.depths.size * ARRAY.rows * ARRAY.columns
     by, model = np.zeros((theta.size, size)), np.zeros(size)
-    add_rows(kind, power, ends, wide, False, pad, theta, by, model)
+    bumps.add_rows(kind, power, ends, wide, False, pad, theta, by, model)
     return model, by
 
 
@@ -68,7 +56,7 @@ def test_a_line_is_that_of_the_half_space_on_tactels_of_some_area(seed):
     pad, theta = pad_of(ARRAY, ONE), loaded(LINE, seed=seed)
     model, _ = rows(LINE, False, pad, theta)
     true = line_average(ARRAY.x, ARRAY.y[:, None], theta[Q0], theta[Q1], theta[FORCE],
-                        theta[SHEAR_U], DEPTH, ARRAY.pitch_x, ARRAY.pitch_y)
+                        theta[bumps.SHEAR_U], DEPTH, ARRAY.pitch_x, ARRAY.pitch_y)
     assert np.abs(model.reshape(ARRAY.shape) - true).max() < 4e-3 * true.max()
 
 
@@ -100,8 +88,8 @@ def test_derivatives_are_differences(kind, power, layers, ends, seed):
         extra |= {'BEGIN': -4e-3, 'END': 5e-3}
     theta = loaded(kind, len(layers), seed, **extra)
     model, by = rows(kind, power, pad, theta, ends=ends)
-    active = [*SHARP, WIDTH, *[EXPONENT] * power, *[BEGIN, END] * ends,
-              *[SHEAR_V] * (kind == POINT)]
+    active = [*SHARP, WIDTH, *[bumps.EXPONENT] * power, *[bumps.BEGIN, bumps.END] * ends,
+              *[bumps.SHEAR_V] * (kind == POINT)]
     for parameter in active:
         step = np.zeros(theta.size)
         step[parameter] = STEPS.get(parameter, 1e-3)

@@ -287,15 +287,6 @@ def test_recordings_are_bounded_before_they_are_read(there, capsys):
     assert 'would take 77 MB, at most 67 MB are read' in capsys.readouterr().err
 
 
-def test_help_teaches(capsys):
-    with pytest.raises(SystemExit) as end:
-        calibrate.main(['--help'])
-    assert end.value.code == 0
-    text = capsys.readouterr().out
-    for word in ('unloaded', 'corners', 'rolling', 'ball', 'flat', '--force', 'Example'):
-        assert word in text
-
-
 SHARED_ONLY = pytest.mark.skipif(
     not SHARED.exists(), reason=f'no recordings of real arrays in {SHARED}')
 

@@ -10,8 +10,7 @@ from tactile_sensing.devices.tare import TareRefusedError
 from tactile_sensing.types.array import TactelArray
 
 SHIPPED = Path(__file__).parents[1] / 'config'
-ARRAY = TactelArray(4, 5, 0.001, 0.002)
-RNG_SEED = 3
+ARRAY, RNG_SEED = TactelArray(4, 5, 0.001, 0.002), 3
 
 
 def calibration(**values):
@@ -36,8 +35,11 @@ def test_shipped_files():
 
 
 def test_counts_to_pressure_without_and_with_tare():
-    pad = calibration()
     counts = np.full(ARRAY.shape, 30, np.uint8)
+    gain = np.arange(1.0, 21.0).reshape(ARRAY.shape)
+    np.testing.assert_allclose(
+        calibration(gain=gain.tolist()).converter()(counts)[0].stress, 20.0 * gain)
+    pad = calibration()
     layer, saturated = pad.converter()(counts)
     assert layer.stress.dtype == np.float32
     np.testing.assert_allclose(layer.stress, 2000.0)
@@ -50,12 +52,6 @@ def test_counts_to_pressure_without_and_with_tare():
     assert layer.full_scale == pytest.approx(100.0 * (255 - tare.offset.max()))
 
 
-def test_gain_per_tactel():
-    gain = np.arange(1, 21, dtype=float).reshape(ARRAY.shape)
-    layer, _ = calibration(gain=gain.tolist()).converter()(np.full(ARRAY.shape, 11, np.uint8))
-    np.testing.assert_allclose(layer.stress, gain)
-
-
 def test_dead_and_saturated_tactels_are_nan():
     pad = calibration(dead_tactels=(0, 7), saturation=250)
     counts = np.full(ARRAY.shape, 20, np.uint8)
@@ -66,12 +62,6 @@ def test_dead_and_saturated_tactels_are_nan():
     assert np.argwhere(np.isnan(layer.stress)).tolist() == [[0, 0], [1, 2], [2, 3]]
     # The previous image has no effect.
     assert np.isnan(pad.converter()(counts * 0 + 20)[0].stress).sum() == 2
-
-
-def test_tare_is_the_mean_and_the_noise():
-    tare = calibration().make_tare(frames())
-    np.testing.assert_allclose(tare.offset, frames().mean(axis=0), rtol=1e-6)
-    assert tare.noise_std == pytest.approx(np.hypot(1.0, 12 ** -0.5), rel=0.05)
 
 
 @pytest.mark.parametrize('count', [20, 50, 200])
@@ -118,35 +108,14 @@ def test_a_dead_tactel_or_a_wide_tolerance_prevents_no_tare():
     calibration(tare_tolerance=10).make_tare(loaded(6))
 
 
-def test_uncalibrated_passes_counts_through():
-    finger = Calibration.uncalibrated(28, 28, 0.00127)
-    counts = np.random.default_rng(RNG_SEED).integers(0, 255, (28, 28), np.uint8)
-    layer, _ = finger.converter()(counts)
-    assert layer.unit == 'counts'
-    np.testing.assert_array_equal(layer.stress, counts)
-    assert Calibration.uncalibrated(2, 3, [0.001, 0.002]).array.pitch_y == 0.002
-
-
-def test_sensor_info():
-    pad = calibration(dead_tactels=(3,), max_load=40.0, source='here')
-    info = pad.sensor_info('pad', 'frame', 5, pad.make_tare(frames()), 4)
-    assert (info.sensor, info.frame_id, info.stamp_ns, info.tared_at_ns) == ('pad', 'frame', 5, 4)
-    assert (info.array, info.dead_tactels, info.max_load) == (ARRAY, (3,), 40.0)
-    assert info.calibration == 'here'
-    assert info.layers[0].noise_std > 0 and info.layers[0].stress.size == 0
-
-
 @pytest.mark.parametrize('values, reason', [
     ({'gain': 0.0}, 'gain is 0.0'),
     ({'gain': [[1.0]]}, 'gain must be a number or 4 rows of 5'),
-    ({'gain': 'much'}, 'gain must be a number'),
     ({'gain': float('nan')}, 'all finite'),
     ({'unit': 'kPa'}, "unit is 'kPa', must be one of"),
     ({'component': 'xx'}, "component is 'xx'"),
     ({'baseline': 255}, 'below saturation = 255'),
-    ({'baseline': -1}, 'at least 0'),
     ({'saturation': 0}, 'saturation is 0, must be an integer from 1'),
-    ({'saturation': 25.0}, 'saturation is 25.0'),
     ({'dead_tactels': (20,)}, 'dead_tactels holds 20, must be integers from 0 to 19'),
     ({'dead_tactels': tuple(range(20))}, 'every tactel'),
     ({'depth': -0.001}, 'depth is -0.001'),
@@ -164,18 +133,13 @@ GOOD = 'rows: 2\ncolumns: 3\npitch: 0.001\ngain: 1.5\n'
 
 @pytest.mark.parametrize('text, reason', [
     ('', 'must be a mapping'),
-    ('- 1', 'must be a mapping'),
     ('rows: [', 'is not YAML'),
-    ('\x00', 'is not YAML'),
     (GOOD + 'colour: red', "unknown key 'colour'"),
-    (GOOD + '1: red', "unknown key '1'"),
     (GOOD.replace('rows: 2', ''), "key 'rows' is missing"),
     (GOOD.replace('2', '2.5'), 'rows is 2.5, must be an integer'),
-    (GOOD.replace('0.001', '-1'), 'pitch_x is -1'),
     (GOOD.replace('0.001', '[1, 2, 3]'), 'pitch is'),
     (GOOD.replace('0.001', 'wide'), "pitch_x is 'wide'"),
     (GOOD + 'dead_tactels: [[2, 0]]', 'dead_tactels holds'),
-    (GOOD + 'dead_tactels: 3', 'dead_tactels holds 3'),
     (GOOD + 'dead_tactels: [3]', 'dead_tactels holds 3'),
     (GOOD + 'depth: null', 'depth is None'),
 ])

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from tactile_sensing.calibration.presses import Presses
-from tactile_sensing.calibration.report import doubts, named
+from tactile_sensing.calibration.report import doubts
 from tactile_sensing.calibration.skin_fit import fit_presses
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.array import TactelArray
@@ -37,7 +37,7 @@ def rms(values):
 @pytest.mark.parametrize('frames', [1, 4])
 def test_claims_hold_with_gains_that_differ_and_frames_of_one_press(frames):
     depth, edges = [], []
-    for seed in range(4 if frames == 1 else 2):
+    for seed in range(2 if frames == 1 else 1):
         rng = np.random.default_rng(seed)
         skin = Skin(rng.uniform(1.5e-3, 2.2e-3), rng.choice([np.inf, 5e-3]), 0.45)
         presses, gains, scale = pressed(
@@ -75,11 +75,3 @@ def test_a_ramp_of_one_press_is_one_press():
     fit = fit_presses(presses, BALL, known=Skin(2e-3))
     assert fit.groups[-1] == 0
     assert any('only 1 presses' in text for text in doubts(fit, BALL, 0.0))
-
-
-def test_dead_tactels_have_names():
-    some = np.zeros((8, 6), bool)
-    assert named(some) == ''
-    some[7], some[3, 4] = True, True
-    assert named(some) == 'tactels (3, 4), row 7'
-    assert named(some.T) == 'tactels (4, 3), column 7'

@@ -224,13 +224,3 @@ def test_equal_readings_that_no_number_can_divide_are_no_error():
     record = ESTIMATOR.estimate_batch(
         frame[None], TactelArray(8, 8, 1e-3, 1e-3), [Layer('zz', DEPTH, None)])[0]
     assert not record['valid']
-
-
-def test_second_contact_is_named():
-    contact = estimate(press(-5e-3, 0.0) + press(5e-3, 1e-3), 20.0)
-    assert contact.type == ContactType.OTHER and Reason.TWO_CONTACTS in contact.reasons
-    assert not contact.valid and np.isnan(contact.normal_force)
-
-
-def test_point_beside_the_pad_is_refused():
-    assert not estimate(press(0.0145, 0.0, force=100.0), 20.0).valid

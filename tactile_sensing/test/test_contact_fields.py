@@ -23,23 +23,17 @@ from tactile_sensing.types.image import Layer, TactileImage
 ARRAY = TactelArray(12, 14, 1e-3, 1e-3)
 
 
-def test_rows_of_the_covariance_are_those_of_the_message():
+def test_fields_and_reasons_are_those_of_the_message():
     assert PARAMETERS == ('x', 'y', 'yaw', 'normal_force', 'shear_force_x', 'shear_force_y',
                           'line_force')
     assert ROW.x == 0 and ROW.line_force == 6
     assert COLUMNS['covariance'].metadata['doc'] == f'of ({", ".join(PARAMETERS)})'
     assert tuple(name for name in COLUMNS if name in PARAMETERS) == PARAMETERS
     assert len(ContactMsg().covariance) == len(PARAMETERS)**2
-
-
-def test_messages_and_estimates_have_every_field():
     names = {field.name for field in fields(Contact)}
     assert names <= set(ContactMsg.get_fields_and_field_types())
     assert list(COLUMNS) == list(RECORD.names)
     assert RECORD.names[:7] == ('type', 'valid', 'force_valid', 'reasons', 'x', 'y', 'yaw')
-
-
-def test_reasons_are_those_of_the_message():
     for reason in Reason:
         assert getattr(ContactMsg, f'REASON_{reason.name}') == reason
 

@@ -115,16 +115,12 @@ def test_a_transposed_view_is_sent_row_major():
     np.testing.assert_array_equal(image_from_msg(message).layers[0].stress, stress)
 
 
-def test_geometry_is_shared_between_pictures():
-    message = image_to_msg(image())
-    assert image_from_msg(message).array is image_from_msg(message).array
-
-
 def test_sensor_info_round_trip():
     pad = Calibration(ARRAY, 100.0, dead_tactels=(2, 5), depth=0.002, max_load=40.0,
                       skin_stiffness=2e5, acquisition_delay=0.0025, nominal_rate=200.0,
                       serial_number='7', source='pad.yaml')
     sent = pad.sensor_info('left', 'pad', 12, tared_at_ns=11)
+    assert (sent.max_load, sent.dead_tactels, sent.array) == (40.0, (2, 5), ARRAY)
     back = sensor_info_from_msg(sensor_info_to_msg(sent))
     for name in ('stamp_ns', 'frame_id', 'sensor', 'model', 'serial_number', 'dead_tactels',
                  'calibration', 'tared_at_ns'):

@@ -95,15 +95,6 @@ def test_every_converter_is_as_good_as_its_noise_allows(reference, name):
     assert sensor[4] or error < 1.04 * 1.1 * rounding * best * lost
 
 
-@pytest.mark.parametrize('bits, signed, lowest, highest', [
-    (1, False, 0, 1), (1, True, -1, 0), (6, False, 0, 63), (8, True, -128, 127),
-    (16, False, 0, 65535), (16, True, -32768, 32767)])
-def test_range_of_a_converter(bits, signed, lowest, highest):
-    counts = Counts(bits, signed)
-    assert (counts.lowest, counts.highest) == (lowest, highest)
-    assert np.iinfo(counts.dtype).min <= lowest and np.iinfo(counts.dtype).max >= highest
-
-
 @pytest.mark.parametrize('values, words', [
     ({'bits': 0}, 'bits is 0, must be an integer from 1 to 16'), ({'bits': 17}, 'bits is 17'),
     ({'signed': 1}, 'signed is 1, must be true or false'),

@@ -68,16 +68,9 @@ def test_without_a_skin_records_come_out(run):
     found = run('in.npz', *BARE, '--noise', '0.01')
     assert set(found) == set(RECORD.names) and len(found['valid']) == 4
     assert found['valid'].all() and not found['force_valid'].any()
+    assert (found['reasons'] & int(Reason.UNCALIBRATED)).all()
     assert (found['type'] == ContactType.LINE).all() and np.isnan(found['line_force']).all()
     assert run('in.npz', *BARE)['valid'].shape == (4,)  # noise is estimated
-
-
-def test_without_a_skin_the_layer_says_so():
-    np.save('in.npy', edges())
-    options = estimate.parse(['in.npy', *BARE, '--noise', '3', '-o', 'out.npz'])
-    layer, = estimate_sources.source_of(options).layers
-    assert (layer.component, layer.depth, layer.unit) == ('zz', 0.0, 'counts')
-    assert layer.noise_std == 3.0
 
 
 def test_archive_array_and_table_say_the_same(run):
@@ -106,7 +99,8 @@ def test_flat_arrays_ask_for_their_shape(run):
                 in run(name, *KNOWN, '--shape', '16', '16'))
     assert '--shape says 14 x 12 = 168' in run('cube.npy', *KNOWN, '--shape', '14', '12')
     assert '--shape: value is 0, must be between 1' in run('flat.npy', *KNOWN, '--shape', '0', '1')
-    assert '--shape is given by the calibration' in run('flat.npy', *calibrate(), *SHAPE)
+    for given in (SHAPE, ['--scale', '2']):
+        assert f'{given[0]} is given by the calibration' in run('flat.npy', *calibrate(), *given)
 
 
 def test_integers_need_a_meaning(run):
@@ -122,17 +116,6 @@ def test_integers_need_a_meaning(run):
     found = run('in.npz', *KNOWN, '--scale', f'{GAIN}')
     np.savez('in.npz', frames=tared * GAIN)
     same(found, run('in.npz', *KNOWN))
-
-
-def test_volts_with_a_scale(run):
-    frames = edges()
-    np.savez('in.npz', frames=frames)
-    expected = run('in.npz', *KNOWN)
-    np.savez('in.npz', frames=frames / 2e5)
-    found = run('in.npz', *KNOWN, '--scale', '2e5')
-    for name in ('x', 'line_force'):
-        np.testing.assert_allclose(found[name], expected[name], rtol=1e-9)
-    assert '--scale is given by the calibration' in run('in.npz', *calibrate(), '--scale', '2')
 
 
 def test_volts_with_a_calibration_are_not_rounded_away(run):

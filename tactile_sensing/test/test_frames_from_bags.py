@@ -144,10 +144,3 @@ def test_raw_counts_of_a_bag_are_calibrated(there, capsys):
     write_bag('tared', pad=pictures(pressures(2)))
     capsys.readouterr()
     assert 'no raw counts in the images' in refused(capsys, 'tared', '--calibration', 'pad.yaml')
-
-
-def test_a_file_of_one_array_is_read_as_an_archive_is(there):
-    frames = pressures(6)
-    np.savez('in.npz', frames=frames)
-    np.save('in.npy', np.asfortranarray(frames))
-    same(run('in.npy', *PLAIN), run('in.npz', *PLAIN))

@@ -324,14 +324,6 @@ def test_a_tag_of_a_finger():
     assert frame.counts.tolist() == counts[0].tolist()
 
 
-def test_bytes_between_frames_are_counted():
-    case = Case('csv_lines')
-    decoder = case.decoder()
-    first, second = case.packets(case.images(2))
-    assert len(frames_of(decoder, b'\n' + first + b'boot\n' + second)) == 2
-    assert (decoder.dropped_bytes, decoder.lost_frames) == (5, 1)
-
-
 @pytest.mark.parametrize('name, text, reason', [
     ('csv_lines', 'stamp=s', 'stamp is .s., must be one of ms, us'),
     ('csv_lines', 'checksum=7', 'option checksum is .7., must be of the type bool'),
@@ -341,11 +333,6 @@ def test_bytes_between_frames_are_counted():
 def test_options_that_are_wrong(name, text, reason):
     with pytest.raises(ConfigurationError, match=reason):
         protocol_named(name).decoder(4, 6, np.uint16, **options_of(name, text))
-
-
-def test_an_unknown_protocol_is_refused_by_name():
-    with pytest.raises(ConfigurationError, match='morse.*flexitac'):
-        protocol_named('morse')
 
 
 # Another package adds a protocol by an entry point.
@@ -379,12 +366,22 @@ def run(program, paths):
         env={**os.environ, 'PYTHONPATH': os.pathsep.join([*paths, os.environ['PYTHONPATH']])})
 
 
-def test_its_protocol_is_in_the_table(installed):
+def test_its_protocol_is_in_the_table_and_named_if_it_cannot_be_loaded(installed):
     done = run(PROGRAM, installed)
     assert done.stdout == '[[0, 1, 2], [3, 4, 5]]\n', done.stderr
-
-
-def test_one_that_cannot_be_loaded_is_named(installed):
     program = "from tactile_sensing.devices import registry as r; r.protocol_named('hex_lines')"
     done = run(program, installed[:1])
     assert 'ConfigurationError: protocol hex_lines cannot be loaded: No module' in done.stderr
+
+
+def test_bytes_between_frames_are_counted():
+    case = Case('csv_lines')
+    decoder = case.decoder()
+    first, second = case.packets(case.images(2))
+    assert len(frames_of(decoder, b'\n' + first + b'boot\n' + second)) == 2
+    assert (decoder.dropped_bytes, decoder.lost_frames) == (5, 1)
+
+
+def test_an_unknown_protocol_is_refused_by_name():
+    with pytest.raises(ConfigurationError, match='morse.*flexitac'):
+        protocol_named('morse')

@@ -28,15 +28,12 @@ def test_round_trip(tmp_path):
     assert recording.pitch == 0.00127
 
 
-def test_counts_round_clip_and_say_so():
+def test_counts_of_any_range_round_clip_and_say_so():
     frames = np.array([[[np.nan, -0.4, 0.6], [254.6, 255.4, 256.0], [-3.0, np.inf, -np.inf]]])
     counts, clipped = Recording(frames, 10.0).counts()
     assert counts.dtype == np.uint8
     np.testing.assert_array_equal(counts, [[[0, 0, 1], [255, 255, 255], [0, 255, 0]]])
     assert clipped == 4
-
-
-def test_counts_of_another_range():
     frames = np.array([[[-0.6, 0.25, 5.12]]])
     counts, clipped = Recording(frames, 10.0).counts(Counts(10, signed=True), 0.01)
     assert counts.dtype == np.int16 and clipped == 1
@@ -67,15 +64,11 @@ def test_tactels_that_are_never_there():
     ({'rate_hz': 10.0}, "array 'frames' is missing"),
     ({'frames': FRAMES}, "array 'rate_hz' is missing"),
     ({'frames': FRAMES[0], 'rate_hz': 10.0}, 'frames has shape (3, 4)'),
-    ({'frames': FRAMES[:0], 'rate_hz': 10.0}, 'frames has shape (0, 3, 4)'),
     ({'frames': FRAMES.astype(str), 'rate_hz': 10.0}, 'must be of real numbers'),
-    ({'frames': FRAMES.astype(complex), 'rate_hz': 10.0}, 'must be of real numbers'),
     ({'frames': FRAMES.astype(object), 'rate_hz': 10.0}, 'is not an .npz archive of numbers'),
     ({'frames': FRAMES, 'rate_hz': 0.0}, 'rate_hz is 0.0'),
     ({'frames': FRAMES, 'rate_hz': np.nan}, 'rate_hz is nan'),
-    ({'frames': FRAMES, 'rate_hz': [1.0, 2.0]}, 'rate_hz is [1.0, 2.0]'),
     ({'frames': FRAMES, 'rate_hz': 'fast'}, "rate_hz is 'fast'"),
-    ({'frames': FRAMES, 'rate_hz': 1e5}, 'rate_hz is 100000.0'),
     ({'frames': FRAMES, 'rate_hz': 10.0, 'pitch_m': -1.0}, 'pitch_m is -1.0'),
     ({'frames': FRAMES, 'rate_hz': 10.0, 'pitch_m': 1.27}, 'pitch_m is 1.27'),
 ])
