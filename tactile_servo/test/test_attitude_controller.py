@@ -18,8 +18,10 @@ def rate(rotation, way=ALONG_Y, slope=0.0, direction=1, max_turn=7.0, dt=1.0):
         off_edge(rotation.as_matrix(), way, slope, direction, max_turn), STILL, dt, ACCELERATION)
 
 
-def test_a_pad_that_lies_right_stands():
-    np.testing.assert_allclose(rate(Rotation.identity()), 0.0, atol=1e-15)
+@pytest.mark.parametrize('way, direction', [(ALONG_Y, 1), ((0.0, -1.0), -1)])
+def test_a_pad_that_lies_right_stands(way, direction):
+    np.testing.assert_allclose(
+        rate(Rotation.identity(), way, direction=direction), 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize('axis', range(3))
@@ -30,7 +32,7 @@ def test_a_small_rotation_is_turned_back_at_its_gain(axis, angle):
     np.testing.assert_allclose(rate(Rotation.from_rotvec(wrong)), -GAIN * wrong, atol=0.01)
 
 
-@pytest.mark.parametrize('seed', range(20))
+@pytest.mark.parametrize('seed', range(5))
 def test_the_error_falls_from_anywhere_near(seed):
     """After a step of this rate the pad's normal stands squarer to the edge and to its side."""
     rng = np.random.default_rng(seed)
@@ -49,11 +51,6 @@ def test_the_error_falls_from_anywhere_near(seed):
         turn = controller.rate(error, STILL, 1e-3, ACCELERATION)
         pose = Rotation.from_rotvec(turn * 1e-3) * pose
     assert errors[-1] < 0.01 * errors[0] + 1e-4
-
-
-def test_backwards_the_y_axis_points_against_the_way():
-    np.testing.assert_allclose(rate(Rotation.identity(), (0.0, -1.0), direction=-1), 0.0,
-                               atol=1e-12)
 
 
 def test_rate_and_its_change_are_bounded():

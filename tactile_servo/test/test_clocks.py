@@ -1,6 +1,11 @@
-"""Times between cycles and their faults; what joint states tell of the robot's clock."""
+"""Times between cycles and their faults; joint states that are believed; the journal of calls."""
+import numpy as np
+import pytest
 
 from tactile_servo.clocks import ClockCheck, CycleClock
+from tactile_servo.journal import Call, Journal, MOST_CALLS
+from tactile_servo.motion.joint_history import JointHistory, LEAP, SILENCE
+from tactile_servo.motion.limits import JointLimits
 from tactile_servo.reasons import ReasonCode
 
 PERIOD, STATE_PERIOD = 0.0025, 0.004  # s
@@ -57,15 +62,46 @@ def seen(ages):
     return check
 
 
-def test_a_clock_agrees_by_its_youngest_joint_state():
+def test_a_clock_agrees_by_its_youngest_joint_state_and_the_oldest_is_late_by_it():
     assert seen([0.02, 0.001, 0.02]).agrees
     assert not seen([0.02, 0.003, 0.02]).agrees  # more than 2.5 ms
     assert not seen([0.001] + [0.02] * 300).agrees  # no longer
-
-
-def test_lateness_is_what_the_oldest_has_of_the_youngest_for_a_while():
     assert ClockCheck().lateness == 0.0
     assert abs(seen([0.001, 0.009, 0.001]).lateness - 0.008) < 1e-12
     assert abs(seen([0.001, 0.009] + [0.001] * 100).lateness - 0.008) < 1e-12  # of .4 s ago
     assert seen([0.001, 0.009] + [0.001] * 300).lateness == 0.0  # of 1.2 s
     assert abs(seen([-0.5, -0.49]).lateness - 0.01) < 1e-12  # whatever the clock
+
+
+LIMITS = JointLimits(('shoulder', 'elbow'), -np.full(2, 3.0), np.full(2, 3.0), np.ones(2),
+                     np.full(2, 10.0))
+PERIOD_NS = 2_000_000
+
+
+def test_a_leap_is_believed_from_the_second_state_that_tells_of_it():
+    history = JointHistory(LIMITS)
+    history.add([0.1, 0.2], 0)
+    with pytest.raises(ValueError, match='elbow leap'):
+        history.add([0.1, 0.5], PERIOD_NS)
+    np.testing.assert_array_equal(history.add([0.1, 0.2], 2 * PERIOD_NS), [0.1, 0.2])
+    for wrong in ([0.1, 0.5], [0.1, -0.5], [2.0, 0.5]):  # no two of them tell the same
+        with pytest.raises(ValueError, match='leap'):
+            history.add(wrong, 3 * PERIOD_NS)
+    np.testing.assert_array_equal(history.add([2.0, 0.501], 4 * PERIOD_NS), [2.0, 0.501])
+
+
+def test_what_a_joint_can_do_is_no_leap():
+    history = JointHistory(LIMITS)
+    for k in range(50):
+        history.add([0.001 * k, 0.9 * LEAP * (k % 2)], k * PERIOD_NS)
+    history.add([2.9, 0.0], 50 * PERIOD_NS + round(1.1e9 * SILENCE))  # unseen it may go anywhere
+
+
+def test_a_journal_that_nobody_takes_stays_small_and_says_what_is_lost():
+    journal = Journal()
+    for k in range(MOST_CALLS + 5):
+        journal.add(Call.CYCLE, value=k)
+    taken = journal.take()
+    assert taken.first == MOST_CALLS
+    assert list(taken.value) == list(range(MOST_CALLS, MOST_CALLS + 5))
+    assert journal.first == MOST_CALLS + 5 and not journal.call

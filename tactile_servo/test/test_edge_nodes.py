@@ -6,24 +6,12 @@ import pytest
 from tactile_common.polyline import arc_length
 from tactile_servo.edge_map.path import (
     closing_node,
-    nodes_from,
     sharpest_turn,
     unblurred,
-    with_leg,
-    ZONE,
 )
-from tactile_servo.edge_map.records import CLOUD_POINT, nodes_of
+from tactile_servo.edge_map.records import nodes_of
 
 STEP, DEPTH = 0.5e-3, 2e-3
-
-
-def walk(seed, count=60, bend=0.3, heading=3.0):
-    """Nodes (count,) of a path that bends at random, and its headings, near pi."""
-    rng = np.random.default_rng(seed)
-    angles = heading + np.cumsum(bend * rng.standard_normal(count))
-    chords = np.column_stack([np.cos(angles), np.sin(angles)])
-    nodes = nodes_of(np.cumsum(STEP * chords, axis=0), rng.normal(size=count), chords)
-    return measured(nodes), angles
 
 
 def measured(nodes, first=0.0):
@@ -76,43 +64,3 @@ def test_a_path_closes_where_it_meets_its_start_the_same_way():
     assert closing_node(nodes, 9.0, 0.104, 1.2e-3) == -1  # nothing is ahead
     # The very last node may only be passing by.
     assert closing_node(nodes[:k + 1], 0.2, 0.104, 1.2e-3) == -1
-
-
-@pytest.mark.parametrize('open_start', [False, True])
-@pytest.mark.parametrize('open_end', [False, True])
-def test_nodes_around_the_pad_lead_straight_on(open_start, open_end):
-    nodes, _ = walk(3, 30, 0.0)
-    near = nodes_from(nodes, -0.01, 0.03, open_start, open_end)
-    assert len(near) == 30 + open_start + open_end
-    np.testing.assert_array_equal(near['row'][int(open_start):30 + open_start], nodes['row'])
-    last, first = nodes[-1:], nodes[:1]
-    if open_end:
-        np.testing.assert_allclose(near[-1:]['place'], last['place'] + 0.03 * last['way'])
-        assert near['z'][-1] == last['z'] and near['material'][-1] == 1.0
-    if open_start:
-        np.testing.assert_allclose(near[:1]['place'], first['place'] - 0.03 * first['way'])
-    part = nodes_from(nodes, nodes['station'][9], 0.03, open_start, open_end)
-    assert len(part) == 20 + open_end
-    np.testing.assert_array_equal(part['row'][0], nodes['row'][10])
-    only = nodes_from(nodes, 9.0, 0.03, open_start, False)
-    np.testing.assert_array_equal(only['row'], nodes['row'][-1:])
-
-
-def test_a_leg_goes_up_to_the_first_zone_of_a_corner():
-    s = np.arange(0.0, 0.03, 0.4e-3)
-    cloud = np.ones(len(s), CLOUD_POINT)
-    cloud['point'] = np.column_stack([s, 0.0 * s, 0.1 * s])
-    cloud['way'] = (1.0, 0.0)
-    nodes = measured(nodes_of(np.column_stack([STEP * np.arange(-3, 1), np.zeros(4)]), 0.0,
-                              (1.0, 0.0)), 0.7)
-    leg, entered = with_leg(nodes, cloud, np.empty(0, ZONE), 0.02, DEPTH, DEPTH)
-    assert entered == -1 and len(leg) == 4 + 0.02 / STEP
-    np.testing.assert_array_equal(leg['row'][:4], nodes['row'])
-    np.testing.assert_allclose(leg['station'], arc_length(leg['place'], 0.7), rtol=1e-14)
-    # Vertices on the leg, of which the second is the nearer one, and one beside it.
-    zones = np.array([(0.015, 0.0, 3e-3, 0.0), (0.010, 0.0, 2e-3, 0.0), (0.005, 4e-3, 2e-3, 0.0)],
-                     ZONE)
-    short, entered = with_leg(nodes, cloud, zones, 0.02, DEPTH, DEPTH)
-    assert entered == 1
-    assert 0.010 - 2e-3 - STEP <= short['x'][-1] <= 0.010 - 2e-3
-    np.testing.assert_array_equal(short['row'][:-6], leg['row'][:len(short) - 6])

@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tactile_common.polyline import arc_length, nearest_on_polyline
-from tactile_sensing.contact.ridge import RIDGE_POINT
+from tactile_common.polyline import arc_length
 from tactile_servo.edge_map.path_queries import (
     length_on_pad,
-    place_at,
     rise,
     speed_profile,
 )
 from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of
-from tactile_servo.edge_map.tracing import into_plane, trace
+from tactile_servo.edge_map.tracing import trace
 
 GRAIN, STEP = 2e-3, 0.5e-3
 
@@ -46,29 +44,12 @@ def straight_nodes(count=41):
     return nodes
 
 
-def test_points_of_a_picture_are_put_into_the_plane():
-    rng = np.random.default_rng(2)
-    ridge = rng.normal(size=(9, 6)).view(RIDGE_POINT)[:, 0]
-    pose = np.eye(4)
-    pose[:3, :3] = Rotation.from_rotvec([0.1, -0.2, 1.9]).as_matrix()
-    pose[:3, 3] = [0.3, -0.1, 0.02]
-    cloud = into_plane(ridge, pose, 0.05)
-    there = np.column_stack([ridge['x'], ridge['y'], -0.05 * ridge['pressure'], np.ones(9)])
-    np.testing.assert_allclose(cloud['point'], (there @ pose.T)[:, :3])
-    way = np.column_stack([ridge['tx'], ridge['ty']]) @ pose[:2, :2].T
-    np.testing.assert_allclose(cloud['way'], way / np.linalg.norm(way, axis=1, keepdims=True))
-    np.testing.assert_array_equal(cloud['weight'], ridge['quality'])
-
-
-def test_straight_ridge_is_followed_to_its_end_in_steps():
+def test_straight_ridge_is_followed_to_its_end_and_noise_averaged():
     nodes = follow(straight_cloud(), 0.05)
     np.testing.assert_allclose(nodes['x'][:30], STEP * np.arange(1, 31), atol=1e-5)
     np.testing.assert_allclose(nodes['y'], 0.0, atol=1e-12)
     np.testing.assert_allclose(nodes['z'][4:30], 0.1 * nodes['x'][4:30], atol=2e-5)
     assert 0.019 < nodes['x'][-1] < 0.022
-
-
-def test_noise_of_the_points_is_averaged():
     nodes = follow(straight_cloud(spread=0.05e-3), 0.015)
     assert np.sqrt(np.mean(nodes['y']**2)) < 0.04e-3
 
@@ -89,31 +70,6 @@ def test_the_length_and_a_crossing_ridge_are_heeded():
     assert len(nodes) == 20
     np.testing.assert_allclose(nodes['y'], 0.0, atol=1e-6)
     assert len(follow(np.empty(0, CLOUD_POINT), 0.01)) == 0
-
-
-@pytest.mark.parametrize('scale', [0.5, 2.0])
-def test_a_larger_skin_traces_the_same_larger(scale):
-    """All lengths of tracing are those of the picture's grain."""
-    small = straight_cloud(spread=0.05e-3)
-    large = small.copy()
-    large['point'] *= scale
-    start = nodes_of((0.0, 0.0), 0.0, (1.0, 0.0))
-    nodes = trace(small, start, 0.0151, GRAIN)
-    np.testing.assert_allclose(trace(large, start, 0.0151 * scale, GRAIN * scale)['point'],
-                               scale * nodes['point'], atol=1e-12)
-
-
-def test_projection_and_place_are_inverse():
-    nodes = straight_nodes()
-    path = nodes['x'], nodes['y'], nodes['station']
-    at = nearest_on_polyline(*path, 0.0052, 0.001, 0.0, 0.02)
-    assert (at.station, at.x, at.y, at.left) == pytest.approx((0.0052, 0.0052, 0.0, 0.001))
-    assert (at.along_x, at.along_y) == pytest.approx((1.0, 0.0))
-    assert place_at(nodes, 0.0052) == pytest.approx((0.0052, 0.0, 0.00052))
-    assert place_at(nodes, 1.0) == pytest.approx((0.02, 0.0, 0.002))
-    assert place_at(nodes, -1.0) == (0.0, 0.0, 0.0)
-    held = nearest_on_polyline(*path, 0.0, 0.0, 0.008, 0.02)  # by the window
-    assert held.station >= 0.0075
 
 
 @pytest.mark.parametrize('angle', [0.0, 0.7, 2.0])

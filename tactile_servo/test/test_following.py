@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_servo.following import apart, Following, LATE
+from tactile_servo.following import Following, LATE
 from tactile_servo.motion.inverse import ROTATION_LENGTH
 from tactile_servo.reasons import ReasonCode
 
@@ -78,10 +78,3 @@ def test_a_new_start_forgets():
     assert following.problem(pose(), 0.0) is not None
     following.reset()
     assert following.problem(pose(), 0.0) is None
-
-
-@pytest.mark.parametrize('angle', [1e-6, 0.01, 1.0])
-def test_rotations_count_by_their_angle(angle):
-    # The chord 2 sin(a / 2) of the angle.
-    assert apart(pose(), pose(angle=angle)) == pytest.approx(
-        ROTATION_LENGTH * 2.0 * np.sin(0.5 * angle), rel=1e-6)

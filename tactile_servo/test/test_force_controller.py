@@ -30,14 +30,10 @@ def indentation(force, length):
     return force / length / SKIN
 
 
-def test_at_its_force_the_pad_stands():
-    assert speed(Load(5.0, 2 * HALF)) == pytest.approx(0.0, abs=1e-12)
-
-
-@pytest.mark.parametrize('force', [4.0, 4.9, 5.1, 7.0])
+@pytest.mark.parametrize('force', [4.0, 4.9, 5.0, 5.1, 7.0])
 def test_a_missing_indentation_is_made_up_at_its_gain(force):
     missing = indentation(5.0 - force, 2 * HALF)
-    assert speed(Load(force, 2 * HALF)) == pytest.approx(GAIN * missing)
+    assert speed(Load(force, 2 * HALF)) == pytest.approx(GAIN * missing, abs=1e-12)
 
 
 def test_what_was_moved_since_the_image_counts():

@@ -10,19 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from tactile_servo.motion.inverse import (
-    allowed_acceleration,
-    BoundedInverse,
-    damped_least_squares,
-    DAMPING,
-    EASED,
-    hessian,
-    PUSH,
-    PUSH_SPEED,
-    ROTATION_LENGTH,
-    TAKE_OVER,
-    YIELDING,
-)
+from tactile_servo.motion import inverse
 from tactile_servo.motion.limits import JointLimits, Joints, NEGLIGIBLE
 from tactile_servo.motion.motion import Motion
 from tactile_servo.motion.robot import RobotModel
@@ -31,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PUMA = RobotModel.from_urdf(ROOT / 'launch/urdf/puma260.urdf', 'tactile_pad')
 DT = 0.0025
 DT_NS = round(DT * 1e9)
-WEIGHT = np.repeat([1.0, ROTATION_LENGTH], 3)
+WEIGHT = np.repeat([1.0, inverse.ROTATION_LENGTH], 3)
 
 
 def limits_of(joints, velocity=2.0, acceleration=10.0):
@@ -48,7 +36,7 @@ def quick(joints):
 def solve(limits, jacobian, twist, positions):
     """Solve from a rest, for joints that only position limits hold back."""
     joints = Joints(positions, np.zeros(len(positions)))
-    velocities, scale, limited_by, smallest = BoundedInverse(limits).solve(
+    velocities, scale, limited_by, smallest = inverse.BoundedInverse(limits).solve(
         jacobian, twist, joints, limits.reach(joints, DT))
     assert scale == 1.0 and limited_by[:1] in ('', 'p')
     return velocities, limited_by, smallest
@@ -56,10 +44,11 @@ def solve(limits, jacobian, twist, positions):
 
 def by_least_squares(jacobian, wanted, bounds):
     """Nearest velocities to the wanted ones: H's root from an SVD, then bounded least squares."""
-    weight = WEIGHT * [1.0, 1.0, 1.0, 1.0, 1.0, YIELDING if jacobian.shape[1] == 6 else 1.0]
+    last = inverse.YIELDING if jacobian.shape[1] == 6 else 1.0
+    weight = WEIGHT * [1.0, 1.0, 1.0, 1.0, 1.0, last]
     _, values, right = np.linalg.svd(weight[:, None] * jacobian)
-    scales = np.full(len(right), TAKE_OVER * DAMPING)
-    scales[:len(values)] = np.maximum(values, DAMPING)
+    scales = np.full(len(right), inverse.TAKE_OVER * inverse.DAMPING)
+    scales[:len(values)] = np.maximum(values, inverse.DAMPING)
     root = scales[:, None] * right
     return lsq_linear(root, root @ wanted, bounds, method='bvls', tol=1e-14, max_iter=500).x
 
@@ -69,7 +58,7 @@ def test_at_a_limit_the_nearest_velocities_are_found(joints):
     rng, limits, count = np.random.default_rng(3), quick(joints), 0
     for _ in range(50):
         jacobian, twist = rng.normal(size=(6, joints)), rng.normal(size=6)
-        wanted, _ = damped_least_squares(jacobian, twist)
+        wanted, _ = inverse.damped_least_squares(jacobian, twist)
         positions = np.zeros(joints)
         held = rng.integers(joints)
         positions[held] = 2.0 * np.sign(wanted[held])
@@ -92,10 +81,11 @@ def test_at_a_limit_the_nearest_velocities_are_found(joints):
 
 def _pushed(jacobian, twist, positions, limits):
     """Least squares of the twist with a joint at its limit pushed back in the null space."""
-    wanted, _ = damped_least_squares(jacobian, twist)
+    wanted, _ = inverse.damped_least_squares(jacobian, twist)
     if len(positions) <= 6:
         return wanted
-    speed = min(PUSH * np.linalg.norm(WEIGHT * twist), PUSH_SPEED * limits.velocity[0])
+    speed = min(inverse.PUSH * np.linalg.norm(WEIGHT * twist),
+                inverse.PUSH_SPEED * limits.velocity[0])
     push = np.where(np.abs(positions) == 2.0, -np.sign(positions) * speed, 0.0)
     weighted = WEIGHT[:, None] * jacobian
     return wanted + push - np.linalg.pinv(weighted) @ weighted @ push
@@ -104,7 +94,7 @@ def _pushed(jacobian, twist, positions, limits):
 def test_away_from_limits_a_redundant_arm_is_not_pushed():
     jacobian, twist = np.random.default_rng(5).normal(size=(6, 7)), np.ones(6) * 0.01
     velocities, limited_by, _ = solve(quick(7), jacobian, twist, np.zeros(7))
-    wanted, _ = damped_least_squares(jacobian, twist)
+    wanted, _ = inverse.damped_least_squares(jacobian, twist)
     np.testing.assert_allclose(velocities, wanted, atol=1e-15)
     assert limited_by == ''
 
@@ -114,7 +104,7 @@ def test_near_a_limit_a_redundant_arm_moves_out_without_moving_the_tip():
     positions = np.array([0.0, 0.0, 0.0, 1.9, 0.0, 0.0, 0.0])
     velocities, _, _ = solve(quick(7), jacobian, twist, positions)
     np.testing.assert_allclose(jacobian @ velocities, twist, atol=1e-12)
-    assert velocities[3] < damped_least_squares(jacobian, twist)[0][3]
+    assert velocities[3] < inverse.damped_least_squares(jacobian, twist)[0][3]
     still, _, _ = solve(quick(7), jacobian, np.zeros(6), positions)
     assert not still.any()
 
@@ -125,13 +115,13 @@ def test_position_is_kept_where_orientation_gives_way():
     kept = []
     for _ in range(30):
         jacobian, twist = rng.normal(size=(6, 6)), np.array([*rng.normal(size=3), 0, 0, 0]) * 0.02
-        wanted, _ = damped_least_squares(jacobian, twist)
+        wanted, _ = inverse.damped_least_squares(jacobian, twist)
         positions[:] = 0.0
         positions[0] = 2.0 * np.sign(wanted[0])
         velocities, _, _ = solve(limits, jacobian, twist, positions)
         error = jacobian @ velocities - twist
         kept.append(np.linalg.norm(error[:3]) / max(np.linalg.norm(error[3:]), 1e-12))
-    assert np.median(kept) < ROTATION_LENGTH
+    assert np.median(kept) < inverse.ROTATION_LENGTH
 
 
 def random_states(joints, count):
@@ -150,10 +140,10 @@ def random_states(joints, count):
 @pytest.mark.parametrize('joints', [6, 7])
 def test_what_the_program_answers_needs_no_more_limiting(joints):
     limits, named = limits_of(joints), set()
-    inverse = BoundedInverse(limits)
+    solver = inverse.BoundedInverse(limits)
     for jacobian, twist, positions, previous in random_states(joints, 3000):
         joints = Joints(positions, previous)
-        answer, _, name, _ = inverse.solve(jacobian, twist, joints, limits.reach(joints, DT))
+        answer, _, name, _ = solver.solve(jacobian, twist, joints, limits.reach(joints, DT))
         velocities, held = limit_velocities(limits, *joints, answer, DT)
         np.testing.assert_allclose(velocities, answer, rtol=0, atol=NEGLIGIBLE * 2.0)
         assert held == ''
@@ -165,23 +155,23 @@ def test_what_the_program_answers_needs_no_more_limiting(joints):
 def test_what_is_delayed_keeps_to_its_way_as_scaled_changes_do(joints):
     """To begin, to turn and to brake, as far as only accelerations bind."""
     limits, count = limits_of(joints), 0
-    inverse = BoundedInverse(limits)
+    solver = inverse.BoundedInverse(limits)
     for jacobian, twist, _, previous in random_states(joints, 2000):
         start = Joints(np.zeros(joints), previous)
-        wanted, _ = damped_least_squares(jacobian, twist)
-        answer, scale, name, _ = inverse.solve(jacobian, twist, start, limits.reach(start, DT))
+        wanted, _ = inverse.damped_least_squares(jacobian, twist)
+        answer, scale, name, _ = solver.solve(jacobian, twist, start, limits.reach(start, DT))
         if scale < 1.0 or not name:
             continue
         count += 1
         assert name.startswith('acceleration')
-        matrix = hessian(jacobian)
+        matrix = inverse.hessian(jacobian)
         way, along = wanted - previous, matrix @ (wanted - previous)
         evenly = previous + min(1.0, (limits.acceleration * DT / np.abs(way)).min()) * way
         off = answer - wanted - along @ (answer - wanted) / (along @ way) * way
         left, right = (np.sqrt(error @ matrix @ error) for error in (answer - wanted,
                                                                      evenly - wanted))
-        assert np.sqrt(off @ matrix @ off) <= 1.001 * np.sqrt(EASED) * right + 1e-9
-        assert left <= (1.0 + EASED) * right + 1e-9
+        assert np.sqrt(off @ matrix @ off) <= 1.001 * np.sqrt(inverse.EASED) * right + 1e-9
+        assert left <= (1.0 + inverse.EASED) * right + 1e-9
     assert count > 500
 
 
@@ -189,7 +179,7 @@ def test_velocity_limit_scales_all_joints_alike():
     limits, wanted = limits_of(6, 2.0, 1e6), np.array([4.0, 0.5, 1.0, 0.0, -2.0, 0.0])
     rest = Joints(np.zeros(6), np.zeros(6))
     jacobian = np.diag(1.0 / WEIGHT)
-    velocities, scale, limited_by, _ = BoundedInverse(limits).solve(
+    velocities, scale, limited_by, _ = inverse.BoundedInverse(limits).solve(
         jacobian, jacobian @ wanted, rest, limits.reach(rest, DT))
     assert limited_by == 'velocity of joint0' and scale == pytest.approx(0.5, rel=1e-3)
     np.testing.assert_allclose(velocities, 0.5 * wanted, atol=1e-3)
@@ -269,13 +259,13 @@ def test_agility_is_the_acceleration_across_that_every_joint_bears(joints):
     rng, hard = np.random.default_rng(5), np.linspace(5.0, 15.0, joints)
     for _ in range(20):
         left, values, right = np.linalg.svd(rng.normal(size=(6, joints)), full_matrices=False)
-        values = np.maximum(values, 10.0 * DAMPING)  # away from singularities
+        values = np.maximum(values, 10.0 * inverse.DAMPING)  # away from singularities
         jacobian = np.ascontiguousarray(left * values @ right / WEIGHT[:, None])
         angles = np.linspace(0.0, np.pi, 2001)
         # Of all motions with a twist the smallest, rotations weighted or not.
         ways = np.linalg.pinv(jacobian)[:, :2] @ [np.cos(angles), np.sin(angles)]
         exact = (hard[:, None] / np.abs(ways)).min()
-        assert allowed_acceleration(jacobian, hard, 0, 2) == pytest.approx(exact, rel=1e-5)
-    assert allowed_acceleration(np.full((6, joints), np.nan), hard, 0, 2) == np.inf
+        assert inverse.allowed_acceleration(jacobian, hard, 0, 2) == pytest.approx(exact, rel=1e-5)
+    assert inverse.allowed_acceleration(np.full((6, joints), np.nan), hard, 0, 2) == np.inf
     # Nothing would move.
-    assert allowed_acceleration(np.zeros((6, joints)), hard, 0, 2) > 1e6
+    assert inverse.allowed_acceleration(np.zeros((6, joints)), hard, 0, 2) > 1e6

@@ -31,8 +31,10 @@ def circle(radius, laps, drift=0.0):
     return (r * np.cos(angle), r * np.sin(angle)), angle + 0.5 * math.pi
 
 
-def test_one_lap_is_no_problem():
+def test_one_lap_and_an_edge_that_winds_to_and_fro_are_no_problem():
     assert watch(*circle(0.05, 1.0)) is None
+    x = np.arange(0.0, 2.0, STEP)
+    assert watch((x, 0.02 * np.sin(50.0 * x)), np.arctan(np.cos(50.0 * x))) is None
 
 
 @pytest.mark.parametrize('drift', [0.0, 0.004])
@@ -54,11 +56,6 @@ def test_the_other_side_of_a_strip_is_not_its_start():
     y = np.where(np.arange(len(x)) < 200, 0.0, 0.003)
     heading = np.where(np.arange(len(x)) < 200, 0.0, math.pi)
     assert watch((x, y), heading) is None
-
-
-def test_an_edge_that_winds_to_and_fro_is_followed():
-    x = np.arange(0.0, 2.0, STEP)
-    assert watch((x, 0.02 * np.sin(50.0 * x)), np.arctan(np.cos(50.0 * x))) is None
 
 
 def cycles(count, speed=0.0, held=0, asked=0.03):

@@ -1,15 +1,16 @@
-"""The registry of laws, and the parameters that node, supervisor and law share."""
-
+"""The registry of laws, and the parameters of laws, robot and limits."""
 import ast
 from dataclasses import fields, is_dataclass, replace
 from importlib import import_module
 import inspect
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tactile_common.config import types_of
 from tactile_common.errors import ConfigurationError
+from tactile_common.parameter_file import ParameterFile
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.types.array import TactelArray
 from tactile_servo import laws
@@ -17,7 +18,7 @@ from tactile_servo.config import ServoConfig
 from tactile_servo.conversions import ACTIONS
 from tactile_servo.law import ServoLaw
 from tactile_servo.laws.registry import DEFAULT, law_for, law_named, LAWS, make_law
-from tactile_servo.robot_config import NodeConfig
+from tactile_servo.robot_config import NodeConfig, robot_of
 from tactile_servo.types import EdgeGoal
 
 MEMBERS = [name for name, _ in inspect.getmembers(ServoLaw) if not name.startswith('_')]
@@ -98,3 +99,35 @@ def test_laws_do_not_import_each_other():
         tree = ast.parse(Path(import_module(module).__file__).read_text(encoding='utf-8'))
         imported = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
         assert not imported & (modules - {module} | {f'{laws.__name__}.registry'})
+
+
+PUMA = {'robot_description': str(
+    Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf')}
+
+
+def configured(**values):
+    return ParameterFile().config('', NodeConfig, {**PUMA, **values})
+
+
+@pytest.mark.parametrize('given, limits', [
+    (5.0, [5.0] * 6), (5, [5.0] * 6), ([5.0], [5.0] * 6),
+    ([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])])
+def test_accelerations_are_of_all_joints_or_of_each(given, limits):
+    _, found, _ = robot_of(configured(**{'joints.acceleration': given}))
+    np.testing.assert_array_equal(found.acceleration, limits)
+
+
+@pytest.mark.parametrize('given, message', [
+    ([1.0, 2.0], r'joints\.acceleration has 2 values for 6 joints; .* one each of joint_1'),
+    ([1.0] * 5 + [0.0], r'joints\.acceleration\[5\] is 0\.0, must be between 0\.1'),
+    ([], 'joints.acceleration has 0 values'), ('fast', "is 'fast', must be a list")])
+def test_accelerations_that_cannot_be_are_refused(given, message):
+    with pytest.raises(ConfigurationError, match=message):
+        robot_of(configured(**{'joints.acceleration': given}))
+
+
+@pytest.mark.parametrize('corner', ['lower', 'upper'])
+def test_a_box_in_millimetres_is_asked_about(corner):
+    box = {'workspace.lower': [-300.0, -300.0, 50.0], 'workspace.upper': [300.0, 300.0, 400.0]}
+    with pytest.raises(ConfigurationError, match=r'must be between -10 and 10 m; did you mean'):
+        robot_of(configured(**{f'workspace.{corner}': box[f'workspace.{corner}']}))

@@ -1,9 +1,13 @@
-"""The table of rules: what must hold of all ways through the phases of a goal."""
+"""The table of rules: what holds of all ways through the phases of a goal; codes of reasons."""
+from pathlib import Path
+import re
 
 import pytest
 
+from tactile_msgs.msg import ServoReason
 from tactile_servo.goal_run import GoalRun, RULES
 from tactile_servo.phases import HELD, LIFTING, MOVING, Phase, STANDING, TRACKING
+from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
 
 # What the functions choose from that some rules name in place of a phase.
@@ -50,12 +54,9 @@ def test_a_reason_to_stand_still_holds_every_phase_that_could_move():
                     for phase in MOVING | HELD}
 
 
-def test_only_rest_ends_a_goal():
+def test_only_rest_ends_a_goal_and_the_law_has_the_word_only_while_tracking():
     assert {(here, guard) for here, guard, _, there in WAYS if there is Phase.DONE} == {
         (Phase.STOPPING, GoalRun._played_out), (Phase.RETREAT, GoalRun._lifted)}
-
-
-def test_the_law_has_the_word_only_while_tracking():
     assert {here for here, _, _, there in WAYS if there in TRACKING - {Phase.TRACK}} == TRACKING
 
 
@@ -72,3 +73,17 @@ def test_an_end_does_not_move_a_robot_that_must_be_asked_or_still_moves(end, pha
     run.phase, run._why, run._found = phase, None, None
     run.goal = EdgeGoal(0.03, 5.0, retreat=True)
     assert end(run, None) is Phase.STOPPING
+
+
+MESSAGE = Path(__file__).resolve().parents[2] / 'tactile_msgs/msg/ServoReason.msg'
+
+
+def test_names_and_numbers_of_codes_are_those_of_the_message_with_a_text_each():
+    told = re.findall(r'^uint16 (\w+)=(\d+)', MESSAGE.read_text(encoding='utf-8'), re.MULTILINE)
+    assert {name: int(number) for name, number in told} == {
+        code.name: code.value for code in ReasonCode}
+    assert len(told) == len(ReasonCode)
+    assert all(getattr(ServoReason, code.name) == code for code in ReasonCode)
+    assert len({code.text for code in ReasonCode}) == len(ReasonCode)
+    assert [code for code in ReasonCode if not code.text] == [ReasonCode.NONE]
+    assert ReasonCode(200) is ReasonCode.PAUSED and ReasonCode.PAUSED == 200

@@ -22,7 +22,6 @@ from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import State, Status, Timing
 
-RNG = np.random.default_rng(3)
 TIMING = Timing(2e-3, 1e-3, 5e-4, 12, 5)
 
 
@@ -79,16 +78,13 @@ def test_status_says_every_field():
     assert [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z] == [0, 1, 2, 3, 4, 5]
 
 
-def test_times_are_rounded_to_nanoseconds():
+def test_times_are_rounded_and_an_empty_trajectory_is_no_error():
     message = trajectory_to_msg(
         Trajectory(('a',), np.array([0.9999999999]), np.zeros((1, 1))))
     assert message.points[0].time_from_start.sec == 1
     assert message.points[0].time_from_start.nanosec == 0
-
-
-def test_empty_trajectory_is_no_error_of_the_conversion():
-    trajectory = trajectory_from_msg(JointTrajectory())
-    assert trajectory.joint_names == () and trajectory.positions.shape == (0, 0)
+    empty = trajectory_from_msg(JointTrajectory())
+    assert empty.joint_names == () and empty.positions.shape == (0, 0)
 
 
 @pytest.mark.parametrize('point, reason', [

@@ -1,4 +1,4 @@
-"""Parts of the law that follows a surface: filter, paths, goals, features, messages."""
+"""The law that follows a surface: filter, paths, goals, features, teaching, messages."""
 from dataclasses import replace
 
 from geometry_msgs.msg import Point, Vector3
@@ -16,11 +16,13 @@ from tactile_servo.config import ServoConfig
 from tactile_servo.control.surface_filter import SurfaceFilter
 from tactile_servo.control.surface_path import Line, PlanarPath, raster, spiral
 from tactile_servo.conversions import surface_goal_from_msg, touch_to_msg
-from tactile_servo.law import Observation, Touch
+from tactile_servo.law import Observation, Teachable, Touch
+from tactile_servo.laws.registry import LAWS, make_law
 from tactile_servo.laws.surface_config import ForceConfig, JacobianConfig, SurfaceConfig
-from tactile_servo.laws.surface_features import ContactSense, Felt
+from tactile_servo.laws.surface_features import ContactSense, Felt, PadContact
 from tactile_servo.laws.surface_following import SurfaceFollowing
 from tactile_servo.laws.surface_goal import Pattern, refuse_surface_goal, SurfaceGoal
+from tactile_servo.laws.surface_teaching import between
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.tactile_jacobian.features import FeatureKind, ModelFeatures
 from tactile_servo.tactile_jacobian.jacobian import Increments
@@ -45,11 +47,8 @@ def image_of(place, force, stress=None):
 
 
 def sense():
-    """How the law sees contacts."""
     return ContactSense(ARRAY, DOME, SurfaceConfig(), FORCE)
 
-
-# The filter --------------------------------------------------------------------------------
 
 def arc(radius, cylinder, count=160, step=3e-4):
     """Centres and inward normals along a way round a sphere, or across a cylinder along y."""
@@ -103,18 +102,13 @@ def test_an_edge_is_a_surprise():
     assert felt.bend_std(way) > 5.0 * known
 
 
-# Paths -------------------------------------------------------------------------------------
-
-def test_a_line_goes_round_a_cylinder_in_its_plane():
+def test_a_line_goes_round_a_cylinder_in_its_plane_and_leads_back_to_it():
     path = Line(np.array([0.0, 0.0, 0.03]), DOWN, np.array([1.0, 0.0, 5.0]))
     for angle in np.linspace(0.0, 2.5, 9):
         normal = -np.array([np.sin(angle), 0.0, np.cos(angle)])
         step = path.step(-0.03 * normal, normal, 10.0, 0.05)
         assert step.way == pytest.approx([np.cos(angle), 0.0, -np.sin(angle)], abs=1e-9)
     assert path.step(np.zeros(3), np.array([0.0, 1.0, 0.0]), 10.0, 0.05) is None
-
-
-def test_a_line_leads_back_to_its_plane():
     path = Line(np.zeros(3), DOWN, np.array([1.0, 0.0, 0.0]))
     assert path.step(np.array([0.01, 1e-3, 0.0]), DOWN, 10.0, 0.05).way[1] < -0.1
     assert path.step(np.array([0.01, -1e-3, 0.0]), DOWN, 10.0, 0.05).way[1] > 0.1
@@ -138,18 +132,13 @@ def test_patterns_are_gone_through_to_the_end(plan):
         assert np.hypot(*(np.array(places)[:, :2] - corner).T).min() < 1.2e-3
 
 
-def test_rows_of_a_raster_are_step_over_apart():
+def test_rows_of_a_raster_are_step_over_apart_on_what_is_not_too_steep():
     plan = raster(0.04, 0.02, 0.005)
     rows = np.unique(np.round(plan[abs(plan[:, 0]) == 0.02][:, 1], 6))
     assert rows == pytest.approx([-0.01, -0.005, 0.0, 0.005, 0.01])
-
-
-def test_a_surface_may_be_too_steep_for_a_pattern():
     path = PlanarPath(np.zeros(3), DOWN, np.array([1.0, 0.0, 0.0]), raster(0.04, 0.02, 0.005), 0.5)
     assert path.step(np.zeros(3), np.array([0.99, 0.0, -0.14]), 30.0, 0.05) is None
 
-
-# Goals -------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('change, word', [
     ({'length': -1.0}, 'length'), ({'length': np.nan}, 'length'),
@@ -178,8 +167,6 @@ def test_goal_messages():
     assert goal.features == 'soft' and goal.retreat
     assert surface_goal_from_msg(TrackSurface.Goal(pattern=77)).pattern == 77
 
-
-# What an image says ------------------------------------------------------------------------
 
 @pytest.mark.parametrize('place', [(0.0, 0.0), (3e-3, -2e-3), (-6e-3, 6e-3)])
 @pytest.mark.parametrize('table', [None, TABLE])
@@ -247,3 +234,88 @@ def test_a_contact_in_a_message_looks_outwards(inward):
     assert pose[:3, 2] == pytest.approx(-np.array(inward))
     assert pose[:3, 3] == pytest.approx([0.1, 0.2, 0.3])
     assert message.header.frame_id == 'base' and message.header.stamp.nanosec == 3
+
+
+SENSOR = Calibration(ARRAY, depth=0.002).sensor_info('pad', '', 0)
+
+
+@pytest.fixture
+def law():
+    """Law that was shown a contact of 4 N beside the centre, and one of 6 N in it."""
+    law = SurfaceFollowing(ServoConfig())
+    law.teach('aside', image_of((3e-3, -1e-3), 4.0), ARRAY)
+    law.teach('firm', image_of((0.0, 0.0), 6.0), ARRAY)
+    return law
+
+
+def see(law, image):
+    law.observe(Observation(0, 0.0, 0.0, lambda _: np.eye(4), image))
+    return law.error
+
+
+def test_what_was_taught_is_what_is_wanted(law):
+    law.begin(replace(GOAL, features='aside'), SENSOR)
+    error = see(law, image_of((3e-3, -1e-3), 4.0))
+    assert (error.lateral, error.longitudinal) == pytest.approx((0.0, 0.0), abs=2e-5)
+    moved = see(law, image_of((3.2e-3, -1e-3), 4.0))
+    assert moved.lateral == pytest.approx(2e-4, rel=0.3)
+
+
+def test_features_are_gone_through_along_the_way(law):
+    law.begin(replace(GOAL, features='aside, firm'), SENSOR)
+    for progress, share in ((0.0, 0.0), (0.05, 0.5), (0.1, 1.0)):
+        law.assess(1.0, progress, 5.0)
+        error = see(law, image_of((0.0, 0.0), 5.0))
+        assert error.lateral == pytest.approx(-3e-3 * (1.0 - share), abs=2e-4)
+
+
+def test_several_aims_are_interpolated():
+    aims = [PadContact(force, np.full(2, force), np.zeros(3)) for force in (1.0, 3.0, 4.0)]
+    for share, force in ((-1, 1.0), (0, 1.0), (0.25, 2.0), (0.5, 3.0), (0.75, 3.5), (2, 4.0)):
+        aim = between(aims, share)
+        assert aim.force == pytest.approx(force) and aim.place == pytest.approx([force] * 2)
+    assert between(aims[:1], 0.7) is aims[0]
+
+
+@pytest.mark.parametrize('goal, word', [
+    ({'features': 'gently'}, "no features were taught by the name 'gently'; known: aside, firm"),
+    ({'features': 'aside,,firm'}, "the name ''"),
+    ({'features': 'aside', 'force': 8.0}, "'aside' are of 4.0"),
+    ({'features': 'aside, firm', 'pattern': Pattern.SPIRAL, 'size': (0.02, 0.0),
+      'step_over': 0.004}, 'a line, or a duration')])
+def test_goals_for_features_that_cannot_be_met_are_refused(law, goal, word):
+    refused = law.validate(replace(GOAL, **goal))
+    assert refused is not None and word in refused.text
+    assert refused.code in (ReasonCode.UNSUPPORTED_GOAL, ReasonCode.INVALID_GOAL)
+    assert law.validate(replace(GOAL, features='aside')) is None
+    assert law.validate(replace(GOAL, features='firm, aside, firm')) is None
+
+
+def holed(image):
+    """An image half of whose tactels are missing."""
+    image.layers[0].stress[::2] = np.nan
+    return image
+
+
+@pytest.mark.parametrize('name, image, word', [
+    ('', image_of((0.0, 0.0), 5.0), 'name is'), ('a, b', image_of((0.0, 0.0), 5.0), 'name is'),
+    ('x' * 41, image_of((0.0, 0.0), 5.0), 'name is'),
+    ('faint', image_of((0.0, 0.0), 0.2), 'feels 0.20 N, must be 0.5 N'),
+    ('holed', holed(image_of((0.0, 0.0), 5.0)), 'too many tactels'),
+    ('none', TactileImage(0, 0, (), ARRAY, True), 'no calibrated pressure')])
+def test_what_cannot_be_taught_is_refused(law, name, image, word):
+    with pytest.raises(ConfigurationError, match=word):
+        law.teach(name, image, ARRAY)
+
+
+def test_a_name_is_taught_again(law):
+    told = law.teach('aside', image_of((2e-3, 0.0), 5.0), ARRAY)
+    assert told.startswith('aside: M0 ') and 'centroid at ' in told
+    law.begin(replace(GOAL, features='aside'), SENSOR)
+    assert see(law, image_of((2e-3, 0.0), 5.0)).lateral == pytest.approx(0.0, abs=2e-5)
+
+
+def test_laws_that_can_be_taught():
+    # The node offers ~/teach for these alone.
+    assert [name for name in LAWS if isinstance(make_law(name, ServoConfig()), Teachable)] == [
+        'tactile_jacobian', 'jacobian_rate']
