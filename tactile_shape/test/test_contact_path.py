@@ -72,17 +72,13 @@ def test_an_edge_along_x_is_the_same_on_either_side_of_the_wrap():
     np.testing.assert_allclose(places, [(0.0, 4e-3), (-1e-3, 4e-3)] * 2, atol=1e-10)
 
 
-def test_a_large_area_is_at_its_centre_of_pressure_and_a_bent_edge_is_not():
+def test_a_large_area_that_stands_out_is_at_its_centre_of_pressure_a_bent_edge_not():
     assert locate(other(5.0, (1e-3, 2e-3), 9e-6, 8e-6)) == (pytest.approx((1e-3, 2e-3)), False)
     # Without its picture a bent edge, or a corner, is not located: it is not at its centre.
     assert locate(other(5.0, (1e-3, 2e-3), 50e-6, 4e-6)) == (None, False)
     both = Reason.BAD_FIT | Reason.TWO_CONTACTS
     assert locate(other(5.0, (0.0, 0.0), 9e-6, 8e-6, both)) == (None, False)
     assert locate(other(0.0, (0.0, 0.0), 9e-6, 8e-6)) == (None, False)
-
-
-def test_what_hardly_stands_out_of_the_noise_is_nowhere():
-    """The first picture of a pad that touches down is 1 to 2 mm off the edge."""
     faint = Reason.BAD_FIT | Reason.LOW_SNR
     assert locate(other(0.2, (1e-3, 2e-3), 9e-6, 8e-6, faint)) == (None, False)
     assert locate(replace(line(1e-3, 0.0), reasons=Reason.LOW_SNR)) == (None, False)

@@ -33,13 +33,10 @@ def test_exact_without_noise(surface):
         SurfaceMatrix(patch.surface_matrix).curvatures(points[-1])[0], expected, atol=1e-6)
 
 
-def test_a_plane_hides_one_parameter():
+def test_what_is_unseen_is_named_and_has_the_prior():
     patch = last(EXACT, *Weave().trace(PLANE, 0.03))
     assert not patch.valid and patch.seen.all() and patch.reason.endswith('c33')
     np.testing.assert_allclose(patch.curvature, 0.0, atol=1e-9)
-
-
-def test_unseen_curvature_has_the_prior():
     patch = last(EXACT, *Weave(amplitude=0.0, heading=np.pi / 2).trace(cylinder(0.05), 0.03))
     assert not patch.valid and 'c11' in patch.reason
     assert list(patch.seen) == [True, False]

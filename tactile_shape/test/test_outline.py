@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tactile_common.errors import ConfigurationError
-from tactile_shape.contour.curves import Arc, Line
 from tactile_shape.contour.outline import find_outline
 
 TAPE = np.array([[0.0, 0.0], [0.109, 0.0], [0.109, 0.069], [0.0, 0.069]])
@@ -206,19 +205,6 @@ def test_the_plane_does_not_matter():
     turn = Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
     one, other = find_outline(contour), find_outline(contour @ turn.T + [0.1, 0.2, 0.3])
     np.testing.assert_allclose(other.corners, one.corners @ turn.T + [0.1, 0.2, 0.3], atol=1e-9)
-
-
-def test_arc_and_line():
-    s = np.linspace(0.0, 0.5, 30)
-    arc = Arc.fit(np.column_stack([1.0 + 0.2 * np.cos(s), 0.2 * np.sin(s)]))
-    np.testing.assert_allclose([*arc.centre, arc.radius], [1.0, 0.0, 0.2], atol=1e-9)
-    assert arc.residual < 1e-9
-    along, across = np.array([[0.6, 0.8], [-0.8, 0.6]])
-    straight = np.outer(s, along)
-    assert Arc.fit(straight) is None
-    line = Line.fit(straight + np.outer(np.resize([1e-3, -1e-3], len(s)), across))
-    assert line.residual == pytest.approx(1e-3, rel=0.01) and np.isinf(line.radius)
-    np.testing.assert_allclose(line.direction, along, atol=2e-3)
 
 
 @pytest.mark.parametrize('points, message', [

@@ -17,7 +17,6 @@ from tactile_shape.conversions import (
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.thesis.matrix_estimator import MatrixEstimator
 from tactile_shape.types.patch import Kind
-from tactile_shape.types.surface_matrix import SurfaceMatrix
 
 HEADER = Header(frame_id='base')
 
@@ -59,13 +58,6 @@ def test_numbers_of_kinds_are_those_of_the_message():
         for name in dir(SurfacePatch) if name.startswith('KIND_')}
     with pytest.raises(TactileError, match='kind of patch is 9'):
         patch_from_msg(SurfacePatch(kind=9))
-
-
-def test_surface_matrix_of_the_message():
-    _, patch = touched(LocalQuadric(), sphere(0.05), 0.03)
-    message = patch_to_msg(patch, HEADER)
-    surface = SurfaceMatrix(np.array(message.surface_matrix).reshape(4, 4))
-    np.testing.assert_allclose(surface.curvatures(patch.frame[:3, 3])[0], patch.curvature)
 
 
 def test_markers():

@@ -1,12 +1,10 @@
 """The shape estimator node: what it publishes of a replayed trace, resets and odd input."""
-from contextlib import contextmanager
 import time
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 import numpy as np
 import pytest
-import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
@@ -73,16 +71,13 @@ class Bench:
         return self.replay.patches[-1]
 
 
-@contextmanager
-def bench(**parameters):
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    try:
-        it = Bench(context, **parameters)
-        yield it
+@pytest.fixture
+def bench(context):
+    """Give a function that makes a bench with parameters of the node."""
+    benches = []
+    yield lambda **parameters: benches.append(Bench(context, **parameters)) or benches[-1]
+    for it in benches:
         it.executor.shutdown()
-    finally:
-        context.try_shutdown()
 
 
 def pose_msg(stamp_ns, position, normal, frame='base', offset=(0.0, 0.0)):
@@ -103,29 +98,29 @@ def contact_msg(stamp_ns, x=0.0, y=0.0, kind=ContactMsg.TYPE_POINT, valid=True, 
     return contact
 
 
-def test_a_trace_over_a_sphere_of_70_mm():
+def test_a_trace_over_a_sphere_of_70_mm(bench):
     points, normals = Weave().trace(sphere(RADIUS), 0.045)
     # The pad touches up to 2 mm off its centre; what it reports has the noise of real contacts.
     rng = np.random.default_rng(5)
     noisy, turned = add_noise(points, normals, rng)
     offsets = 2e-3 * np.sin(np.arange(len(points)) / 15.0)
     radii = []
-    with bench() as it:
-        for k, (point, normal, x) in enumerate(zip(noisy, turned, offsets, strict=True)):
-            stamp = (1000 + 5 * k) * MS
-            patch = it.touch(
-                contact_msg(stamp, x=x), pose_msg(stamp, point, normal, 'base', (x, 0)))
-            assert stamp_to_ns(patch.header.stamp) == stamp and patch.header.frame_id == 'base'
-            assert patch.sensor == 'pad'
-            if patch.valid and all(patch.curvature_seen) and patch.extent > 0.02:
-                assert patch.kind == SurfacePatch.KIND_SPHERE
-                radii.append(1.0 / patch.curvature[0])
-        it.touch(contact_msg(stamp + MS, kind=ContactMsg.TYPE_NONE, valid=False),
-                 pose_msg(stamp + MS, point, normal))
-        it.wait(lambda: len(it.replay.contours[-1].poses) > 20
-                and len(it.replay.markers[-1].markers) == 4, 'contour and markers')
-        contour = it.replay.contours[-1]
-        markers = it.replay.markers[-1].markers
+    it = bench()
+    for k, (point, normal, x) in enumerate(zip(noisy, turned, offsets, strict=True)):
+        stamp = (1000 + 5 * k) * MS
+        patch = it.touch(
+            contact_msg(stamp, x=x), pose_msg(stamp, point, normal, 'base', (x, 0)))
+        assert stamp_to_ns(patch.header.stamp) == stamp and patch.header.frame_id == 'base'
+        assert patch.sensor == 'pad'
+        if patch.valid and all(patch.curvature_seen) and patch.extent > 0.02:
+            assert patch.kind == SurfacePatch.KIND_SPHERE
+            radii.append(1.0 / patch.curvature[0])
+    it.touch(contact_msg(stamp + MS, kind=ContactMsg.TYPE_NONE, valid=False),
+             pose_msg(stamp + MS, point, normal))
+    it.wait(lambda: len(it.replay.contours[-1].poses) > 20
+            and len(it.replay.markers[-1].markers) == 4, 'contour and markers')
+    contour = it.replay.contours[-1]
+    markers = it.replay.markers[-1].markers
     assert len(radii) > 50
     np.testing.assert_allclose(radii, RADIUS, rtol=0.02)
     assert contour.header.frame_id == 'base'
@@ -135,128 +130,91 @@ def test_a_trace_over_a_sphere_of_70_mm():
         'surface', 'patch', 'contour', 'principal directions'}
 
 
-def test_lost_contact_begins_a_new_path():
-    points, normals = Weave().trace(sphere(RADIUS), 0.02)
-    with bench() as it:
-        def play(first_ms):
-            for k, (point, normal) in enumerate(zip(points, normals, strict=True)):
-                stamp = (first_ms + 5 * k) * MS
-                last = it.touch(contact_msg(stamp), pose_msg(stamp, point, normal))
-                if k == 0:
-                    begun = last
-            return begun, last, stamp
-
-        begun, last, stamp = play(1000)
-        assert begun.samples == 1 and last.valid and last.samples == len(points)
-        # Not located once, but not lost: the path goes on.
-        patch = it.touch(contact_msg(stamp + MS, valid=False), pose_msg(stamp + MS, *_end(points)))
-        assert not patch.valid and 'located' in patch.reason
-        patch = it.touch(contact_msg(stamp + 2 * MS), pose_msg(stamp + 2 * MS, *_end(points)))
-        assert patch.samples > 10
-        patch = it.touch(contact_msg(stamp + 3 * MS, kind=ContactMsg.TYPE_NONE, valid=False),
-                         pose_msg(stamp + 3 * MS, *_end(points)))
-        assert patch.reason == 'nothing is touched' and np.isnan(patch.curvature).all()
-        begun, last, stamp = play(2000)
-        assert begun.samples == 1 and last.valid
-        begun, last, _ = play(500)  # the recording is played again
-        assert begun.samples == 1 and last.valid
-
-
-def _end(points):
-    return points[-1], np.array([0.0, 0.0, 1.0])
-
-
-def test_an_edge_makes_a_contour_of_its_radius():
+def test_an_edge_makes_a_contour_of_its_radius(bench):
     """A pad that follows a curved edge of 60 mm radius at 23 mm/s, its own centre .3 mm off."""
     up, speed, radius = np.array([0.0, 0.0, 1.0]), 0.023, 0.06
     rng = np.random.default_rng(2)
-    with bench() as it:
-        for k in range(400):
-            angle = speed * 0.01 * k / radius
-            out = np.array([np.cos(angle), np.sin(angle), 0.0])
-            lean = 0.1 * np.sin(k / 20.0)
-            pose = pose_msg((1000 + 10 * k) * MS, (radius - 3e-4) * out, up)
-            turn = Rotation.from_rotvec([0.0, 0.0, angle + lean])
-            for axis, value in zip('xyzw', turn.as_quat(), strict=True):
-                setattr(pose.pose.orientation, axis, float(value))
-            # In the frame of the pad the edge is at 3e-4 along the radius, turned back by lean.
-            away = 3e-4 + rng.normal(0.0, 2e-5)
-            patch = it.touch(contact_msg(
-                (1000 + 10 * k) * MS, x=away * np.cos(lean), y=-away * np.sin(lean),
-                kind=ContactMsg.TYPE_LINE, yaw=-lean), pose)
-        assert not patch.valid and 'an edge' in patch.reason
-        it.touch(contact_msg((1000 + 10 * k) * MS, kind=ContactMsg.TYPE_NONE, valid=False), pose)
-        it.wait(lambda: len(it.replay.contours[-1].poses) > 75, 'the contour')
-        xyz = np.array([[getattr(p.pose.position, axis) for axis in 'xyz']
-                        for p in it.replay.contours[-1].poses])
+    it = bench()
+    for k in range(400):
+        angle = speed * 0.01 * k / radius
+        out = np.array([np.cos(angle), np.sin(angle), 0.0])
+        lean = 0.1 * np.sin(k / 20.0)
+        pose = pose_msg((1000 + 10 * k) * MS, (radius - 3e-4) * out, up)
+        turn = Rotation.from_rotvec([0.0, 0.0, angle + lean])
+        for axis, value in zip('xyzw', turn.as_quat(), strict=True):
+            setattr(pose.pose.orientation, axis, float(value))
+        # In the frame of the pad the edge is at 3e-4 along the radius, turned back by lean.
+        away = 3e-4 + rng.normal(0.0, 2e-5)
+        patch = it.touch(contact_msg(
+            (1000 + 10 * k) * MS, x=away * np.cos(lean), y=-away * np.sin(lean),
+            kind=ContactMsg.TYPE_LINE, yaw=-lean), pose)
+    assert not patch.valid and 'an edge' in patch.reason
+    it.touch(contact_msg((1000 + 10 * k) * MS, kind=ContactMsg.TYPE_NONE, valid=False), pose)
+    it.wait(lambda: len(it.replay.contours[-1].poses) > 75, 'the contour')
+    xyz = np.array([[getattr(p.pose.position, axis) for axis in 'xyz']
+                    for p in it.replay.contours[-1].poses])
     (side,) = find_outline(xyz).sides
     assert side.kind == 'arc' and side.radius == pytest.approx(radius, rel=0.01)
 
 
-def test_another_frame_begins_another_model():
+def test_another_frame_begins_another_model(bench):
     up = np.array([0.0, 0.0, 1.0])
-    with bench() as it:
-        it.touch(contact_msg(100 * MS), pose_msg(100 * MS, np.zeros(3), up))
-        patch = it.touch(contact_msg(105 * MS), pose_msg(105 * MS, np.ones(3), up, 'world'))
-        assert patch.header.frame_id == 'world' and patch.samples == 1
-        it.wait(lambda: it.replay.contours[-1].header.frame_id == 'world', 'the contour')
-        assert len(it.replay.contours[-1].poses) == 1
+    it = bench()
+    it.touch(contact_msg(100 * MS), pose_msg(100 * MS, np.zeros(3), up))
+    patch = it.touch(contact_msg(105 * MS), pose_msg(105 * MS, np.ones(3), up, 'world'))
+    assert patch.header.frame_id == 'world' and patch.samples == 1
+    it.wait(lambda: it.replay.contours[-1].header.frame_id == 'world', 'the contour')
+    assert len(it.replay.contours[-1].poses) == 1
 
 
-def test_a_recording_that_restarts_begins_another_model():
+def test_a_recording_that_restarts_begins_another_model(bench):
     up = np.array([0.0, 0.0, 1.0])
-    with bench() as it:
-        for number, second in enumerate((5, 6, 7)):
-            place = np.array([0.01 * number, 0.0, 0.0])
-            it.touch(contact_msg(1000 * second * MS), pose_msg(1000 * second * MS, place, up))
-        it.wait(lambda: len(it.replay.contours[-1].poses) == 3, 'the contour')
-        it.touch(contact_msg(5000 * MS), pose_msg(5000 * MS, np.zeros(3), up))
-        it.wait(lambda: len(it.replay.contours[-1].poses) == 1, 'a contour of the second turn')
+    it = bench()
+    for number, second in enumerate((5, 6, 7)):
+        place = np.array([0.01 * number, 0.0, 0.0])
+        it.touch(contact_msg(1000 * second * MS), pose_msg(1000 * second * MS, place, up))
+    it.wait(lambda: len(it.replay.contours[-1].poses) == 3, 'the contour')
+    it.touch(contact_msg(5000 * MS), pose_msg(5000 * MS, np.zeros(3), up))
+    it.wait(lambda: len(it.replay.contours[-1].poses) == 1, 'a contour of the second turn')
 
 
-def test_odd_input_is_passed_over():
+def test_odd_input_is_passed_over(bench):
     up = np.array([0.0, 0.0, 1.0])
-    with bench() as it:
-        bad = pose_msg(100 * MS, np.zeros(3), up)
-        bad.pose.orientation.w = 7.0
-        nan = pose_msg(101 * MS, np.full(3, np.nan), up)
-        for message in (bad, nan):
-            it.replay.poses.publish(message)
-        it.replay.contacts.publish(contact_msg(99 * MS, kind=77))
-        patch = it.touch(
-            contact_msg(102 * MS, x=float('nan')), pose_msg(102 * MS, np.zeros(3), up))
-        assert not patch.valid and 'not located' in patch.reason
-        same = [it.touch(contact_msg(103 * MS), pose_msg(103 * MS, np.zeros(3), up))
-                for _ in range(3)]
-        assert [patch.samples for patch in same] == [1, 2, 3] and not same[-1].valid
-        patch = it.touch(contact_msg(50 * MS))  # older than every pose
-        assert not patch.valid and 'no pose' in patch.reason
+    it = bench()
+    bad = pose_msg(100 * MS, np.zeros(3), up)
+    bad.pose.orientation.w = 7.0
+    nan = pose_msg(101 * MS, np.full(3, np.nan), up)
+    for message in (bad, nan):
+        it.replay.poses.publish(message)
+    it.replay.contacts.publish(contact_msg(99 * MS, kind=77))
+    patch = it.touch(
+        contact_msg(102 * MS, x=float('nan')), pose_msg(102 * MS, np.zeros(3), up))
+    assert not patch.valid and 'not located' in patch.reason
+    same = [it.touch(contact_msg(103 * MS), pose_msg(103 * MS, np.zeros(3), up))
+            for _ in range(3)]
+    assert [patch.samples for patch in same] == [1, 2, 3] and not same[-1].valid
+    patch = it.touch(contact_msg(50 * MS))  # older than every pose
+    assert not patch.valid and 'no pose' in patch.reason
 
 
-def test_a_picture_that_is_no_message_is_passed_over():
-    with bench() as it:
-        it.node._shape.take_image(b'garbage')
-        patch = it.touch(contact_msg(100 * MS, kind=ContactMsg.TYPE_LINE),
-                         pose_msg(100 * MS, np.zeros(3), np.array([0.0, 0.0, 1.0])))
-        assert 'an edge' in patch.reason
+def test_a_picture_that_is_no_message_is_passed_over(bench):
+    it = bench()
+    it.node._shape.take_image(b'garbage')
+    patch = it.touch(contact_msg(100 * MS, kind=ContactMsg.TYPE_LINE),
+                     pose_msg(100 * MS, np.zeros(3), np.array([0.0, 0.0, 1.0])))
+    assert 'an edge' in patch.reason
 
 
-def test_the_other_method():
+def test_the_other_method(bench):
     points, normals = Weave().trace(sphere(RADIUS), 0.03)
-    with bench(method='surface_matrix') as it:
-        for k, (point, normal) in enumerate(zip(points, normals, strict=True)):
-            patch = it.touch(contact_msg(5 * k * MS), pose_msg(5 * k * MS, point, normal))
+    it = bench(method='surface_matrix')
+    for k, (point, normal) in enumerate(zip(points, normals, strict=True)):
+        patch = it.touch(contact_msg(5 * k * MS), pose_msg(5 * k * MS, point, normal))
     assert patch.valid and patch.method == 'surface_matrix'
     np.testing.assert_allclose(1.0 / np.array(patch.curvature), RADIUS, rtol=1e-6)
 
 
 @pytest.mark.parametrize('name, value', [('window', 0.0), ('window', 'wide'), ('method', 'magic')])
-def test_refused_parameters(name, value):
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    try:
-        with pytest.raises(ConfigurationError, match=name):
-            ShapeEstimatorNode(
-                context=context, parameter_overrides=[Parameter(name, value=value)])
-    finally:
-        context.try_shutdown()
+def test_refused_parameters(context, name, value):
+    with pytest.raises(ConfigurationError, match=name):
+        ShapeEstimatorNode(context=context, parameter_overrides=[Parameter(name, value=value)])
