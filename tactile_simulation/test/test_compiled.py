@@ -39,7 +39,7 @@ print(json.dumps({'kernels': sum(map(bool, before.values())),
 
 def test_a_servo_that_tracks_compiles_nothing():
     scenes = [str(ROOT / f'launch/scenes/{name}.yaml')
-              for name in ('course', 'gap', 'noise', 'tape_case')]
+              for name in ('gap', 'tape_case')]
     told = subprocess.run([sys.executable, '-c', PROGRAM, *scenes], check=True,
                           capture_output=True, text=True, timeout=300)
     told = json.loads(told.stdout)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_sensing.types.array import TactelArray
-from tactile_servo.edge_map.corner import Corner, fit, guess
+from tactile_servo.edge_map.corner import Corner, fit
 from tactile_servo.edge_map.corner_fit import CornerShape
 from tactile_servo.edge_map.picture import Picture
 from tactile_servo.edge_map.records import CLOUD_POINT, nodes_of
@@ -79,17 +79,6 @@ def test_a_straight_edge_is_no_corner_and_one_at_the_border_is_not_fitted():
     assert fit(straight, first_guess(math.radians(60), np.zeros(2))) is None
     far = np.array([0.0, 0.0115])
     assert fit(picture_of(0.5, 0.0, far), first_guess(0.5, far)) is None  # a leg leaves the pad
-
-
-def test_guess_is_where_the_legs_meet():
-    found = guess(np.array([0.0, -1.0]), np.array([0.0, 1.0]), np.array([2.0, 0.0]),
-                  np.array([1.0, 0.0]), DEPTH)
-    assert found == pytest.approx((0.0, 0.0, 0.5 * math.pi, 0.0, 0.5 * DEPTH, 0.0, 0.0))
-    behind = guess(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.array([2.0, 0.0]),
-                   np.array([1.0, 0.0]), DEPTH)
-    assert behind is None
-    assert guess(np.zeros(2), np.array([0.0, 1.0]), np.array([0.0, 2.0]),
-                 np.array([0.0, 1.0]), DEPTH) is None
 
 
 def test_path_through_a_corner_passes_its_vertex_or_its_fillet():

@@ -92,15 +92,6 @@ def test_what_is_no_edge_is_not_located():
         assert edge_point(picture) is None
 
 
-def test_a_few_dead_tactels_do_not_matter():
-    picture = edge(arc(0.06, 0.0))
-    (layer,) = picture.layers
-    stress = layer.stress.copy()
-    stress[[3, 8, 12], [7, 8, 8]] = np.nan
-    place = edge_point(replace(picture, layers=(replace(layer, stress=stress),)))
-    np.testing.assert_allclose(place, [1e-3, 0.0], atol=2e-4)
-
-
 @settings(max_examples=100, deadline=None)
 @given(npst.arrays(np.float32, PAD.shape, elements=st.floats(width=32)))
 def test_garbage_has_a_place_on_the_pad_or_none(pressure):

@@ -4,7 +4,7 @@ from dataclasses import replace
 import re
 
 import numpy as np
-from puma_loop import GOAL, LIMITS, PUMA, puma_loop, steady, tracked
+from puma_loop import GOAL, LIMITS, PUMA, puma_loop, ROOT, steady, tracked
 import pytest
 
 from tactile_sensing.types.contact import Contact, ContactType, Reason
@@ -13,6 +13,7 @@ from tactile_servo.motion.limits import WorkspaceBox
 from tactile_servo.phases import Phase
 from tactile_servo.reasons import GoalRefused, ReasonCode
 from tactile_servo.types import EdgeGoal, State
+from tactile_simulation.scene import load_scene
 
 
 def along(loop):
@@ -32,8 +33,12 @@ def moved(loop, seconds):
     return float(np.linalg.norm(loop.pose[:3, 3] - before))
 
 
-def test_straight_edge_is_tracked_within_the_bars():
-    loop = puma_loop()
+@pytest.fixture
+def loop():
+    return puma_loop()
+
+
+def test_straight_edge_is_tracked_within_the_bars(loop):
     status = loop.run(EdgeGoal(0.03, 5.0), 20.0)
     assert status.state == State.DONE and loop.servo.success
     lateral, force = tracked(loop)
@@ -54,8 +59,7 @@ def test_corner_and_curve_are_held_as_well_as_by_the_thesis(scene, speed, rms, l
     assert max(force) <= 7.5
 
 
-def test_states_run_in_order_and_the_contour_lies_on_the_edge():
-    loop = puma_loop()
+def test_states_run_in_order_and_the_contour_lies_on_the_edge(loop):
     status = loop.run(GOAL, 20.0)
     states = [row.status.state for row in loop.log if row.status.state != State.IDLE]
     order = [s for k, s in enumerate(states) if k == 0 or s != states[k - 1]]
@@ -68,8 +72,7 @@ def test_states_run_in_order_and_the_contour_lies_on_the_edge():
     assert loop.log[-1].force == 0.0 and not loop.servo.active  # lifted off
 
 
-def test_direction_can_be_reversed():
-    loop = puma_loop()
+def test_direction_can_be_reversed(loop):
     loop.run(GOAL, 20.0)
     loop.servo.finish()
     start = along(loop)
@@ -108,8 +111,7 @@ def test_saturated_tactels_are_given_way_to():
     assert max(cycle.force for cycle in loop.log) < 15.0
 
 
-def test_reason_of_the_end_outlives_a_hold_on_the_way_up():
-    loop = puma_loop()
+def test_reason_of_the_end_outlives_a_hold_on_the_way_up(loop):
     loop.run(GOAL, 20.0, lambda s: s.state == State.RETREAT)
     loop.robot_alive = False
     status = loop.run(None, 0.2)
@@ -121,8 +123,7 @@ def test_reason_of_the_end_outlives_a_hold_on_the_way_up():
     assert loop.servo.success
 
 
-def test_a_pad_that_presses_already_goes_on_from_there():
-    loop = puma_loop()
+def test_a_pad_that_presses_already_goes_on_from_there(loop):
     loop.run(replace(GOAL, force=6.0, length=0.01, retreat=False), 20.0)
     assert loop.servo.success
     loop.servo.finish()
@@ -150,8 +151,7 @@ def test_a_pause_during_a_search_ends_with_a_reason():
     assert all(status.reason.text for status in told)
 
 
-def test_nothing_to_touch_gives_up_within_the_approach_distance():
-    loop = puma_loop()
+def test_nothing_to_touch_gives_up_within_the_approach_distance(loop):
     loop.world.counts = lambda pose, rng, now, real=loop.world.counts: real(None, rng)
     loop.run(GOAL, 20.0)
     assert not loop.servo.success and loop.servo.reason.code == ReasonCode.NO_CONTACT
@@ -165,8 +165,7 @@ def press(force, kind=ContactType.OTHER, elongated=True):
     return Contact(kind, False, Reason.BAD_FIT, 'fit', moments=moments)
 
 
-def test_a_flat_under_the_pad_is_not_pressed_on():
-    loop = puma_loop()
+def test_a_flat_under_the_pad_is_not_pressed_on(loop):
     loop.estimate = lambda _: press(6.0 if loop.pose[2, 3] < loop.scene.edge.points[0, 2] else 0.0,
                                        elongated=False)
     loop.run(GOAL, 20.0)
@@ -212,8 +211,7 @@ def test_overload_lifts_off():
 
 
 def test_workspace_box_is_not_left():
-    loop = puma_loop()
-    start = loop.scene.start_pose()[:3, 3]
+    start = load_scene(ROOT / 'launch/scenes/straight.yaml').start_pose()[:3, 3]
     wall = start[1] + 0.03
     loop = puma_loop(workspace=WorkspaceBox(start - [0.1, 0.1, 0.1], [1.0, wall, 1.0]))
     loop.run(EdgeGoal(0.05, 5.0), 5.0)
@@ -223,8 +221,7 @@ def test_workspace_box_is_not_left():
     assert wall - 0.005 < reach <= wall + 1e-5
 
 
-def test_joint_states_far_beyond_the_limits_or_no_numbers_are_refused():
-    loop = puma_loop()
+def test_joint_states_far_beyond_the_limits_or_no_numbers_are_refused(loop):
     positions = loop.limits.upper.copy()
     loop.servo.see_joints(positions + 0.1, 0, 0.0)
     positions[2] = 1e300
@@ -240,8 +237,7 @@ def test_joint_states_far_beyond_the_limits_or_no_numbers_are_refused():
     (EdgeGoal(float('nan'), 5.0), 'speed'), (EdgeGoal(0.03, -1.0), 'force'),
     (EdgeGoal(0.03, 50.0), 'force'), (EdgeGoal(0.03, 0.1), '0.1, must be'),
     (EdgeGoal(0.03, 5.0, length=-1.0), 'length'), (EdgeGoal(0.03, 5.0, direction=2), 'direction')])
-def test_bad_goals_are_refused_by_name_and_bound(goal, text):
-    loop = puma_loop()
+def test_bad_goals_are_refused_by_name_and_bound(goal, text, loop):
     with pytest.raises(GoalRefused, match='no joint state') as refused:
         loop.servo.start(GOAL, 0.0)
     assert refused.value.reason.code == ReasonCode.NO_JOINT_STATE

@@ -41,8 +41,6 @@ FULL_SCALE = 1.6e5  # Pa
 KINDS = ('edge', 'corner', 'blob', 'heavy', 'noise', 'blank', 'saturated', 'nan', 'huge', 'shape',
          'counts', 'none')
 
-# Contacts ----------------------------------------------------------------------------------
-
 values = st.floats(-1.0, 1.0) | st.sampled_from(
     [float('nan'), float('inf'), -1e300, 1e300, 0.0, 1e-3, 5.0, 50.0, 100.0])
 wild = st.builds(
@@ -61,8 +59,6 @@ def line(force, x, yaw):
 
 contacts = wild | st.builds(line, st.floats(0.0, 12.0) | st.just(100.0),
                             st.floats(-5e-3, 5e-3), st.floats(-0.5, 0.5))
-
-# Pictures ----------------------------------------------------------------------------------
 
 
 def picture(kind, seed, noise_std, tared, array, frame):
@@ -98,8 +94,6 @@ pictures = st.builds(
     st.sampled_from([True, True, True, False]),
     st.sampled_from([*[ARRAY] * 4, replace(ARRAY, pitch_x=1e-6), TactelArray(8, 8, 3e-3, 3e-3)]),
     st.sampled_from(['', '', '', 'map']))
-
-# Sequences ---------------------------------------------------------------------------------
 
 stamps = st.sampled_from([10**7, -10**7, 10**8, -10**8, 10**10])  # ns, by which one is late
 wrong_goals = st.builds(
@@ -305,50 +299,43 @@ def beyond(place, bounds):
     return np.maximum(np.maximum(place - bounds.upper, bounds.lower - place), 0.0)
 
 
+HERE = np.clip(ELBOW, LIMITS.lower, LIMITS.upper)
+STRETCHED = LIMITS.lower + np.array((0.0, 0.0, 0.0, 0.875, 0.75, 1.0)) * (
+    LIMITS.upper - LIMITS.lower)
+TURNED = np.array([-0.38397244, 0.61086524, -3.00196631, 0.0, -0.83775804, -0.38397244])
+LIGHT, FIRM, HARD = (EdgeGoal(0.125, force, -1, 0.0, False) for force in (1.0, 4.0, 5.0))
+LIES = {'joints': [0.0] * 6}
+
+
 @pytest.mark.parametrize('tracker', list(LAWS))
 @settings(max_examples=(SEQUENCES + 1) // 2 or 12, derandomize=not SEQUENCES, deadline=None,
           print_blob=True)
 @given(start=places, margin=st.sampled_from([1e-9, 1e-3, 0.4, 0.4]), goal=goals,
        prelude=preludes, script=st.lists(steps, max_size=12))
-@example(start=np.clip(ELBOW, LIMITS.lower, LIMITS.upper), margin=0.4,
-         goal=EdgeGoal(0.125, 1.0, -1, 0.0, False), prelude=40,
-         script=[{'cycles': 1}, {'cycles': 5}, {'cycles': 1, 'asleep': 5.0}, {'cycles': 5}])
-@example(start=LIMITS.lower + np.array((0.0, 0.0, 0.0, 0.875, 0.75, 1.0)) * (
-             LIMITS.upper - LIMITS.lower), margin=0.4,
-         # The robot moves on as it comes to rest, while its joint states say that it stands.
-         goal=EdgeGoal(0.125, 4.0, -1, 0.0, False), prelude=150,
-         script=[{'cycles': 30, 'image': 'none'}, {'cycles': 80, 'joints': 'stuck'}])
-@example(start=LIMITS.lower + np.array((0.0, 0.0, 0.0, 0.875, 0.75, 1.0)) * (
-             LIMITS.upper - LIMITS.lower), margin=0.4,
-         goal=EdgeGoal(0.125, 4.0, -1, 0.0, False), prelude=150,
-         script=[{'cycles': 30, 'image': 'none'}, {'cycles': 78, 'joints': 'stuck'},
-                 *[{'cycles': 1, 'action': 'resume'}] * 10])
-@example(start=np.array([-0.38397244, 0.61086524, -3.00196631, 0.0, -0.83775804, -0.38397244]),
-         margin=0.4, goal=EdgeGoal(0.125, 1.0, -1, 0.0, False), prelude=0,
-         # One joint state lies, in the very cycle in which a motion begins.
-         script=[{'cycles': 1}, {'cycles': 1, 'joints': [0.0] * 6}, {'cycles': 1}])
-@example(start=np.clip(ELBOW, LIMITS.lower, LIMITS.upper), margin=0.4, prelude=0,
-         goal=EdgeGoal(0.125, 1.0, -1, 0.0, False),
-         # Before anything was sent joint states lie, one after the other,
-         script=[{'cycles': 5, 'joints': [0.0] * 6}])
-@example(start=np.clip(ELBOW, LIMITS.lower, LIMITS.upper), margin=0.4, prelude=0,
-         goal=EdgeGoal(0.125, 1.0, -1, 0.0, False),
-         # or one does after a silence.
-         script=[{'cycles': 1, 'asleep': 0.03, 'jump': 10**9, 'joints': [0.0] * 6},
-                 {'cycles': 5}])
-@example(start=LIMITS.lower, margin=0.4, goal=EdgeGoal(0.125, 5.0, -1, 0.0, False), prelude=0,
-         # It sleeps while the controller settles, and awakes in the motion that was sent then.
-         script=[{'cycles': 30, 'late_contact': 10**7}, {'cycles': 2, 'asleep': 0.03}])
-@example(start=np.clip(ELBOW, LIMITS.lower, LIMITS.upper), margin=0.4,
-         goal=EdgeGoal(0.0625, 2.0, -1, 0.0, False), prelude=40,
-         # The robot's clock seems to be another one for a while.
-         script=[{'cycles': 80, 'contact': 'none'}, {'cycles': 80, 'late_joints': -10**7},
-                 *[{'cycles': 80}] * 3])
-@example(start=np.clip(ELBOW, LIMITS.lower, LIMITS.upper), margin=1e-9,
-         goal=EdgeGoal(0.125, 1.0, -1, 0.0, False), prelude=0,
-         # A round probe rolls, and brakes in a curve, in a box without room.
-         script=[{'cycles': 30}, {'cycles': 80, 'image': picture(
-             'edge', 0, 630.0, True, ARRAY, '')}])
+@example(HERE, 0.4, LIGHT, 40, [
+    {'cycles': 1}, {'cycles': 5}, {'cycles': 1, 'asleep': 5.0}, {'cycles': 5}])
+# The robot moves on as it comes to rest, while its joint states say that it stands.
+@example(STRETCHED, 0.4, FIRM, 150, [
+    {'cycles': 30, 'image': 'none'}, {'cycles': 80, 'joints': 'stuck'}])
+@example(STRETCHED, 0.4, FIRM, 150, [
+    {'cycles': 30, 'image': 'none'}, {'cycles': 78, 'joints': 'stuck'},
+    *[{'cycles': 1, 'action': 'resume'}] * 10])
+# One joint state lies, in the very cycle in which a motion begins.
+@example(TURNED, 0.4, LIGHT, 0, [{'cycles': 1}, {'cycles': 1, **LIES}, {'cycles': 1}])
+# Before anything was sent joint states lie, one after the other, or one does after a silence.
+@example(HERE, 0.4, LIGHT, 0, [{'cycles': 5, **LIES}])
+@example(HERE, 0.4, LIGHT, 0, [{'cycles': 1, 'asleep': 0.03, 'jump': 10**9, **LIES},
+                               {'cycles': 5}])
+# It sleeps while the controller settles, and awakes in the motion that was sent then.
+@example(LIMITS.lower, 0.4, HARD, 0, [
+    {'cycles': 30, 'late_contact': 10**7}, {'cycles': 2, 'asleep': 0.03}])
+# The robot's clock seems to be another one for a while.
+@example(HERE, 0.4, EdgeGoal(0.0625, 2.0, -1, 0.0, False), 40, [
+    {'cycles': 80, 'contact': 'none'}, {'cycles': 80, 'late_joints': -10**7},
+    *[{'cycles': 80}] * 3])
+# A round probe rolls, and brakes in a curve, in a box without room.
+@example(HERE, 1e-9, LIGHT, 0, [
+    {'cycles': 30}, {'cycles': 80, 'image': picture('edge', 0, 630.0, True, ARRAY, '')}])
 def test_commands_stay_within_every_limit(tracker, start, margin, goal, prelude, script):
     watched = Watched(tracker, start, margin)
     watched.act(goal)
@@ -373,7 +360,7 @@ def test_commands_stay_within_every_limit(tracker, start, margin, goal, prelude,
 
 @pytest.mark.parametrize('tracker', list(LAWS))
 def test_what_is_attacked_does_track(tracker):
-    watched = Watched(tracker, np.clip(ELBOW, LIMITS.lower, LIMITS.upper), 0.4)
+    watched = Watched(tracker, HERE, 0.4)
     watched.act(EdgeGoal(0.03, 5.0))
     for _ in range(400):
         watched.feed()

@@ -11,6 +11,8 @@ from tactile_servo.config import ApproachConfig, HoldConfig, RetreatConfig, Serv
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.edge_path import lifted, walk
+from tactile_simulation.edge_world import EdgeScene
 from tactile_simulation.scene import load_scene
 
 NEAR = 2e-3  # m, of where the pad was when it all began
@@ -85,6 +87,12 @@ class Interrupted:
         assert (np.abs(speed) <= LIMITS.velocity).all()
         assert np.abs(hardness).max() <= HARDEST * LIMITS.acceleration.max()
         assert max(cycle.force for cycle in self.loop.log[self.seen:]) <= 1.5 * GOAL.force
+
+
+@pytest.fixture
+def it():
+    """Give a loop that traces the edge."""
+    return Interrupted('trace', State.TRACK, 0)
 
 
 WHY = {'controller': ReasonCode.NOT_FOLLOWING, 'deaf': ReasonCode.NOT_FOLLOWING,
@@ -181,8 +189,7 @@ def test_a_hold_after_which_the_edge_is_not_seen_says_so_and_waits_to_be_asked()
     it.check()
 
 
-def test_who_asks_while_the_pad_lifts_off_in_a_hold_need_not_ask_again():
-    it = Interrupted('trace', State.TRACK, 0)
+def test_who_asks_while_the_pad_lifts_off_in_a_hold_need_not_ask_again(it):
     it.loop.sensor_alive = False
     it.loop.run(None, 1.0)
     it.loop.sensor_alive = True
@@ -196,8 +203,7 @@ def test_who_asks_while_the_pad_lifts_off_in_a_hold_need_not_ask_again():
     it.check()
 
 
-def test_a_pad_that_is_lifting_off_in_a_hold_stands_still_when_asked_to():
-    it = Interrupted('trace', State.TRACK, 0)
+def test_a_pad_that_is_lifting_off_in_a_hold_stands_still_when_asked_to(it):
     it.loop.sensor_alive = False
     it.loop.run(None, 1.0)
     there = it.loop.pose[2, 3]
@@ -213,8 +219,7 @@ def test_a_pad_that_is_lifting_off_in_a_hold_stands_still_when_asked_to():
     it.check()
 
 
-def test_a_robot_that_falls_silent_as_it_lifts_off_in_a_hold_goes_on_lifting():
-    it = Interrupted('trace', State.TRACK, 0)
+def test_a_robot_that_falls_silent_as_it_lifts_off_in_a_hold_goes_on_lifting(it):
     it.loop.sensor_alive = False
     it.loop.run(None, 1.0)
     it.joints(0.2)
@@ -294,8 +299,7 @@ def test_joint_states_that_cannot_be_believed_are_named():
     assert 'is not 6 angles' in loop.servo.reason.text
 
 
-def test_time_that_stands_holds_and_is_not_taken_up_unasked():
-    it = Interrupted('trace', State.TRACK, 0)
+def test_time_that_stands_holds_and_is_not_taken_up_unasked(it):
     loop, cycle = it.loop, it.loop.servo.cycle
     stood = round(loop.now * 1e9)
     loop.servo.cycle = lambda now, _: cycle(now, stood)
@@ -311,8 +315,7 @@ def test_time_that_stands_holds_and_is_not_taken_up_unasked():
     it.check()
 
 
-def test_what_is_wrong_around_the_servo_holds_and_refuses():
-    it = Interrupted('trace', State.TRACK, 0)
+def test_what_is_wrong_around_the_servo_holds_and_refuses(it):
     loop, why = it.loop, (ReasonCode.SEVERAL_PUBLISHERS, '/tactile/image has 2')
     loop.servo.around = why = type(loop.servo.reason)(*why)
     loop.run(None, 0.3)
@@ -329,16 +332,19 @@ def test_what_is_wrong_around_the_servo_holds_and_refuses():
 
 def test_a_contour_that_does_not_close_ends(monkeypatch):
     monkeypatch.setattr('tactile_servo.edge_map.traced_path.CLOSING', -1.0)
-    loop = Simulation(load_scene(ROOT / 'launch/scenes/tape_case.yaml'), 'trace')
+    plan = walk((0.0, 0.0), 0.0, [(0.025, 0.0), *[(0.0, 0.5 * np.pi), (0.05, 0.0)] * 3,
+                                  (0.0, 0.5 * np.pi), (0.025, 0.0)])
+    loop = Simulation(EdgeScene('square', '', lifted(plan, 0.0)), 'trace')
     status = loop.run(EdgeGoal(0.1, 5.0, closed=True), 60.0)
     assert not loop.servo.success and loop.servo.reason.code == ReasonCode.LAP_LIMIT
-    assert status.progress < 0.356 + 0.02  # one lap, and little more
+    assert status.progress < 0.2 + 0.02  # one lap, and little more
 
 
 @pytest.mark.parametrize('state', [State.APPROACH, State.TRACK, State.RETREAT])
 def test_no_state_lasts_for_ever(state, monkeypatch):
     """A robot whose every wanted motion is held back, by so little that it counts as moving."""
     monkeypatch.setattr('tactile_servo.goal_run.SLACK', 0.1)
+    monkeypatch.setattr('tactile_servo.goal_run.SLOWNESS', 0.2)
     monkeypatch.setattr('tactile_servo.goal_run.LONGEST_TRACK', 1.0)
     loop = puma_loop(tracker='resolved_rate', config=ServoConfig(
         approach=ApproachConfig(distance=0.005), retreat=RetreatConfig(distance=0.003)))
@@ -451,8 +457,7 @@ def test_a_timeout_that_is_none_is_refused(timeout):
     assert refusal.code == ReasonCode.INVALID_GOAL and 'client_timeout' in refusal.text
 
 
-def test_who_asks_to_go_on_hears_what_happens():
-    it = Interrupted('trace', State.TRACK, 0)
+def test_who_asks_to_go_on_hears_what_happens(it):
     loop, servo = it.loop, it.loop.servo
     assert servo.pause(True, loop.now).code == ReasonCode.PAUSED
     loop.sensor_alive = False
@@ -470,8 +475,7 @@ def test_who_asks_to_go_on_hears_what_happens():
     assert servo.pause(False, loop.now).code == ReasonCode.WAITING
 
 
-def test_a_goal_that_ends_is_not_paused_any_more():
-    it = Interrupted('trace', State.TRACK, 0)
+def test_a_goal_that_ends_is_not_paused_any_more(it):
     it.loop.servo.cancel()
     assert it.loop.servo.pause(True, it.loop.now).code == ReasonCode.CANCELLED
 

@@ -5,20 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from tactile_simulation import metrics
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_world import EdgeScene
-from tactile_simulation.metrics import (
-    accelerations,
-    busy,
-    describe,
-    measure,
-    METRICS,
-    NAN,
-    scatter,
-    shown,
-    speeds,
-    to_json,
-)
 from tactile_simulation.world import Course
 
 NONE, NOTHING = np.zeros(4, bool), np.zeros((0, 3))
@@ -37,7 +26,7 @@ def truth(**changes):
 
 
 def numbers(real, felt=NOTHING, acceleration=NOTHING):
-    return {**measure(real, 5.0, acceleration), **SCENE.numbers(real, felt, 5.0)}
+    return {**metrics.measure(real, 5.0, acceleration), **SCENE.numbers(real, felt, 5.0)}
 
 
 def test_errors_count_where_their_masks_say():
@@ -61,11 +50,11 @@ def test_roughness_of_a_known_motion():
     """Joint 1 swings as a sin(wt): its acceleration is w^2 times that."""
     time, rate = 0.002 * np.arange(2000), 20.0
     joints = np.column_stack([np.zeros_like(time), 0.1 * np.sin(rate * time)])
-    found = numbers(truth(), acceleration=accelerations(time, joints))
+    found = numbers(truth(), acceleration=metrics.accelerations(time, joints))
     assert found['joint_acceleration_max'] == pytest.approx(0.1 * rate**2, rel=1e-3)
     assert found['joint_acceleration_rms'] == pytest.approx(
         0.1 * rate**2 / np.sqrt(2.0), rel=2e-2)
-    assert len(accelerations(time[:2], joints[:2])) == 0
+    assert len(metrics.accelerations(time[:2], joints[:2])) == 0
 
 
 def test_scatter_of_a_speed_is_what_is_left_of_its_trend():
@@ -73,32 +62,27 @@ def test_scatter_of_a_speed_is_what_is_left_of_its_trend():
     way = 0.03 * time + 0.05 * time**2  # it speeds up evenly, in steps of 2 mm/s up and down
     way[1::2] += 0.001 * 0.002
     place = np.column_stack([way, np.zeros((1500, 2))])
-    speed = speeds(time, place)
-    assert scatter(time, speed, np.ones(1500, bool)) == pytest.approx(1e-3, rel=0.03)
-    smooth = speeds(time, np.column_stack([0.05 * time**2, 0 * time, 0 * time]))
-    assert scatter(time, smooth, np.ones(1500, bool)) < 1e-9
+    speed = metrics.speeds(time, place)
+    assert metrics.scatter(time, speed, np.ones(1500, bool)) == pytest.approx(1e-3, rel=0.03)
+    smooth = metrics.speeds(time, np.column_stack([0.05 * time**2, 0 * time, 0 * time]))
+    assert metrics.scatter(time, smooth, np.ones(1500, bool)) < 1e-9
     # A step where nothing is chosen does not count; nor does a stretch shorter than the trend.
     smooth[700:] += 1.0
     chosen = np.abs(np.arange(1500) - 700) > 5
-    assert scatter(time, smooth, chosen) < 1e-9
-    assert np.isnan(scatter(time, smooth, np.arange(1500) < 20))
-
-
-def test_every_number_has_one_row():
-    keys = [row.key for row in METRICS]
-    assert len(set(keys)) == len(keys)
+    assert metrics.scatter(time, smooth, chosen) < 1e-9
+    assert np.isnan(metrics.scatter(time, smooth, np.arange(1500) < 20))
 
 
 def test_numbers_are_shown_in_their_units_if_they_are_known():
-    summary = {'force_max': None, 'cycles': 3, 'lateral_rms': 1.23456e-5, 'duration': NAN}
-    assert list(shown(summary)) == [('lateral error, RMS', '0.012', 'mm'),
+    summary = {'force_max': None, 'cycles': 3, 'lateral_rms': 1.23456e-5, 'duration': metrics.NAN}
+    assert list(metrics.shown(summary)) == [('lateral error, RMS', '0.012', 'mm'),
                                     ('control cycles', '3', '')]
 
 
 def test_text_tells_verdict_numbers_and_outline():
-    text = describe({
+    text = metrics.describe({
         'scene': 'square', 'law': 'law', 'ok': False, 'reason': 'lost',
-        'lateral_rms': 1.26e-5, 'lateral_max': NAN,
+        'lateral_rms': 1.26e-5, 'lateral_max': metrics.NAN,
         'sides': [{'kind': 'arc', 'length': 0.02, 'radius': 0.005}],
         'corners': [[0.1, 0.2, 0.3]],
         'states': [{'time': 1.5, 'state': 'hold', 'reason': 'stale'}]})
@@ -112,13 +96,14 @@ def test_text_tells_verdict_numbers_and_outline():
 
 def test_a_machine_that_is_too_busy_is_told():
     counts = {'cycles': 96, 'missed_cycles': 4, 'sensor_rate': 202.7}
-    assert busy(counts) == busy({}) == busy({'cycles': 0, 'missed_cycles': None}) == ''
-    assert '24 of 120 control cycles' in busy(counts | {'missed_cycles': 24})
-    assert '203 images' in busy(counts | {'missed_cycles': 24})
+    for idle in (counts, {}, {'cycles': 0, 'missed_cycles': None}):
+        assert metrics.busy(idle) == ''
+    assert '24 of 120 control cycles' in metrics.busy(counts | {'missed_cycles': 24})
+    assert '203 images' in metrics.busy(counts | {'missed_cycles': 24})
 
 
 def test_json_is_one_object_without_nan():
-    text = to_json({'a': NAN, 'b': [np.float64(1.5), np.inf], 'c': np.int64(2),
+    text = metrics.to_json({'a': metrics.NAN, 'b': [np.float64(1.5), np.inf], 'c': np.int64(2),
                     'd': {'e': np.bool_(True)}, 'f': np.array([1.0, np.nan])})
     assert '\n' not in text
     assert json.loads(text) == {

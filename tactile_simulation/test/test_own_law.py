@@ -12,12 +12,8 @@ from tactile_simulation.closed_loop import Simulation
 RADIUS, FORCE = 0.008, 4.0
 
 
-@pytest.fixture
-def registered(monkeypatch):
+def test_a_law_of_ones_own_circles_a_point(monkeypatch):
     monkeypatch.setitem(LAWS, 'circling', Row(Circling, 'track_surface'))
-
-
-def test_a_law_of_ones_own_circles_a_point(registered):
     simulation = Simulation(coarse_scene('plane'), 'circling',
                             settings=CirclingConfig(radius=RADIUS))
     goal = SurfaceGoal(0.02, FORCE, duration=20.0)
@@ -31,14 +27,3 @@ def test_a_law_of_ones_own_circles_a_point(registered):
     np.testing.assert_allclose(away, RADIUS, atol=2e-4)
     assert summary['force_mean'] == pytest.approx(FORCE, rel=0.02)
     assert summary['force_max'] < 1.1 * FORCE and summary['force_end'] == 0.0
-
-
-def test_it_is_held_and_lifted_off_as_any_other(registered):
-    simulation = Simulation(coarse_scene('plane'), 'circling')
-    goal = SurfaceGoal(0.02, FORCE, duration=20.0)
-    simulation.run(goal, 20.0, until=lambda status: status.progress > 0.01)
-    simulation.sensor_alive = False
-    simulation.run(None, 2.0)
-    assert simulation.servo.state.name == 'HOLD'
-    assert simulation.log[-1].force == 0.0
-    assert max(cycle.force for cycle in simulation.log) < 1.1 * FORCE

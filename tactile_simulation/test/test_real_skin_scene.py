@@ -51,15 +51,12 @@ def exact(**flaws):
     return lambda pressure: response.counts(pressure, np.random.default_rng(0), 0.0).astype(float)
 
 
-def test_a_load_that_is_taken_away_reads_higher():
+def test_a_load_taken_away_reads_higher_and_neighbours_get_their_share():
     read, load = exact(hysteresis=0.1), np.full((16, 16), 10e3)
     up = [read(share * load)[3, 4] for share in (0.0, 0.5, 1.0)]
     down = [read(share * load)[3, 4] for share in (0.95, 0.5, 0.0)]
     assert up == [0.0, 5e3, 10e3]
     assert down == [10e3, 5.5e3, 0.0]
-
-
-def test_neighbours_get_their_share_and_the_sum_stays():
     read, load = exact(crosstalk=0.05), np.zeros((16, 16))
     load[3, 4], load[0, 0] = 10e3, 10e3
     found = read(load)

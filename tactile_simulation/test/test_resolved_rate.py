@@ -49,14 +49,6 @@ def test_twist_moves_the_pad_onto_the_edge():
     assert twist[1] == 0.03 and twist[2] > 0.0 and not twist[3:5].any()
 
 
-def test_error_vanishes_in_one_segment():
-    features = EdgeFeatures(lateral=0.0005, yaw=0.01, force=4.9, remaining=0.0)
-    twist = edge_twist(features, 0.0, 5.0, CONFIG)
-    assert twist[0] * CONFIG.position.segment_time == pytest.approx(0.0005)
-    assert twist[5] * CONFIG.position.segment_time == pytest.approx(0.01)
-    assert twist[2] * CONFIG.force.segment_time * STIFFNESS == pytest.approx(0.1)
-
-
 def test_every_rate_is_bounded():
     wild = EdgeFeatures(lateral=1.0, yaw=-3.0, force=1e6, remaining=0.0)
     twist = edge_twist(wild, 0.0, 5.0, CONFIG)
@@ -65,21 +57,15 @@ def test_every_rate_is_bounded():
     assert twist[5] == -TURN
 
 
-def test_a_valid_line_is_taken_as_fitted():
+def test_features_are_those_of_a_valid_line_or_of_the_moments():
     features, why = edge_features(
         contact(x=0.002, y=0.001, yaw=0.1, normal_force=4.0), ARRAY, STIFFNESS)
     offset = 0.002 * np.cos(0.1) + 0.001 * np.sin(0.1)  # of the centre from the line
     assert features.lateral == pytest.approx(offset)
     assert (features.yaw, features.force, why) == (0.1, 4.0, '')
-
-
-def test_a_line_whose_force_is_not_valid_has_that_of_the_moments():
     features, _ = edge_features(contact(x=0.0, y=0.0, yaw=0.1, normal_force=np.nan,
                                         force_valid=False), ARRAY, STIFFNESS)
     assert features.force == EDGE_MOMENTS.m0
-
-
-def test_an_elongated_contact_is_followed_by_its_moments():
     features, _ = edge_features(contact(ContactType.OTHER, False), ARRAY, STIFFNESS)
     assert features.lateral == pytest.approx(0.001)
     assert features.force == 5.0 and features.yaw == pytest.approx(0.0)

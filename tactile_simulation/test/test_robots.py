@@ -143,15 +143,9 @@ def test_a_singular_wrist_leads_off_no_edge(near, tmp_path, capsys):
     assert summary['force_max'] < 7.5
 
 
-def test_another_frame_has_to_exist(tmp_path, capsys):
-    path = tmp_path / 'robot.urdf'
-    path.write_bytes(ElementTree.tostring(robot('puma260')[0]))
-    assert main([str(COURSE), '--robot', str(path), '--tip', 'hand']) == 2
-    assert "tip_frame 'hand': the robot has no such frame" in capsys.readouterr().err
-
-
-def test_a_start_has_as_many_angles_as_joints(tmp_path, capsys):
-    path = tmp_path / 'robot.urdf'
-    path.write_bytes(ElementTree.tostring(robot('puma260')[0]))
-    assert main([str(COURSE), '--robot', str(path), '--start', '0', '0']) == 2
-    assert '6 finite joint positions are needed' in capsys.readouterr().err
+@pytest.mark.parametrize('option, text', [
+    (('--tip', 'hand'), "tip_frame 'hand': the robot has no such frame"),
+    (('--start', '0', '0'), '6 finite joint positions are needed')])
+def test_frame_and_start_have_to_be_those_of_the_robot(option, text, capsys):
+    assert main([str(COURSE), '--robot', str(ROOT / 'launch/urdf/puma260.urdf'), *option]) == 2
+    assert text in capsys.readouterr().err

@@ -50,15 +50,12 @@ def test_shipped_scenes(name, length, heading):
     np.testing.assert_allclose(scene.edge.tangent_at(length), expected, atol=1e-9)
 
 
-def test_straight_is_exact(tmp_path):
+def test_straight_is_exact_and_a_corner_is_a_vertex_that_turns_left(tmp_path):
     edge = scene_of(tmp_path, [{'straight': 0.2}]).edge
     np.testing.assert_allclose(edge.points, [[0.3, -0.1, 0.12], [0.3, 0.1, 0.12]], atol=1e-15)
     np.testing.assert_allclose(edge.point_at(0.05), [0.3, -0.05, 0.12], atol=1e-15)
     assert edge.point_at(np.array([0.0, 0.1, 0.2])).shape == (3, 3)
     np.testing.assert_allclose(edge.point_at(0.5), edge.points[-1])
-
-
-def test_corner_is_a_vertex_and_turns_left(tmp_path):
     edge = scene_of(tmp_path, [{'straight': 0.1}, {'turn': 30}, {'straight': 0.1}]).edge
     np.testing.assert_allclose(edge.points[1], [0.3, 0.0, 0.12], atol=1e-15)
     np.testing.assert_allclose(edge.tangent_at(0.0999), [0, 1, 0], atol=1e-12)
@@ -108,15 +105,12 @@ def test_nearest_knows_the_outside_of_a_corner(tmp_path, turn):
         assert s[0] == pytest.approx(0.1, abs=1e-9)
 
 
-def test_start_pose_looks_down_beside_the_edge(tmp_path):
+def test_start_pose_looks_down_beside_the_edge_and_yaws_right_handed(tmp_path):
     pose = scene_of(tmp_path, [{'straight': 0.2}]).start_pose()
     np.testing.assert_allclose(pose[:3, 2], [0, 0, -1])
     np.testing.assert_allclose(pose[:3, 1], [0, 1, 0], atol=1e-15)
     np.testing.assert_allclose(pose[:3, 0], [-1, 0, 0], atol=1e-15)
     np.testing.assert_allclose(pose[:3, 3], [0.297, -0.08, 0.124], atol=1e-12)
-
-
-def test_start_yaw_is_right_handed_about_pad_z(tmp_path):
     scene = scene_of(tmp_path, [{'straight': 0.2}], start={'yaw': 20})
     pose = scene.start_pose()
     np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-15)
@@ -137,16 +131,13 @@ def test_a_path_that_ends_where_it_begins_is_closed(tmp_path):
     assert not rounded(3).closed
 
 
-def test_heights_join_and_step(tmp_path):
+def test_heights_join_and_step_and_a_wave_has_its_height(tmp_path):
     edge = edge_of(tmp_path, height=[
         [0.0, 0.0], [0.05, 0.01], [0.1, 0.01], [0.1, -0.003], [0.2, -0.003]])
     along, z = edge.points[:, 1] + 0.1, edge.points[:, 2] - 0.12
     np.testing.assert_allclose(np.interp(0.025, along, z), 0.005, atol=1e-12)
     np.testing.assert_allclose(z[np.isclose(along, 0.1)], [0.01, -0.003], atol=1e-12)
     assert (~edge.solid).sum() == 1  # the face of the step
-
-
-def test_wave_has_its_height(tmp_path):
     edge = edge_of(tmp_path, wave={'height': 0.002, 'length': 0.06})
     assert np.ptp(edge.points[:, 2]) == pytest.approx(0.002, rel=1e-3)
 
@@ -183,38 +174,27 @@ def changed(path, value):
 
 
 @pytest.mark.parametrize('path, value, words', [
-    (('name',), 3, 'name is 3'),
     (('name',), KeyError, "'name' is missing"),
-    (('colour',), 'red', "unknown key 'colour'"),
     (('edge',), [1], 'edge: is [1]'),
     (('edge', 'start'), [0.3, 0.1], 'edge.start is [0.3, 0.1]'),
-    (('edge', 'start'), [0.3, 'a', 0.1], "edge.start[1] is 'a'"),
     (('edge', 'start'), [0.3, 0.0, math.nan], 'edge.start[2] is nan'),
     (('edge', 'path'), [], 'edge.path is []'),
     (('edge', 'path'), [{'turn': 30}], 'edge.path is 0 m long, must be above 0'),
     (('edge', 'path'), [{'straight': 200}], 'edge.path[0].straight is 200'),
     (('edge', 'path'), [{'straight': 0.1}, {'turn': 180}], 'edge.path[1].turn is 180'),
     (('edge', 'path'), [{'straight': 1, 'turn': 1}], 'edge.path[0] has 2 of straight, turn, arc'),
-    (('edge', 'path'), [{'straight': 1, 'by': 1}], "edge.path[0]: unknown key 'by'"),
-    (('edge', 'path'), [3], 'edge.path[0]: is 3'),
     (('edge', 'path'), [{'arc': {'radius': 0, 'angle': 9}}], 'arc.radius is 0'),
     (('edge', 'gaps'), [[0.1, 0.3]], 'edge.gaps: must ascend within 0 to 0.2 m'),
-    (('edge', 'gaps'), [[0.1, 0.12], [0.11, 0.13]], 'edge.gaps: must ascend'),
     (('edge', 'gaps'), [[0.1]], 'edge.gaps[0] is [0.1], must be a list of 2'),
     (('edge', 'wave'), {'height': 0.2, 'length': 0.1}, 'edge.wave.height is 0.2'),
     (('edge', 'height'), [], 'edge.height is [], must be a list of pairs'),
     (('edge', 'height'), [[0.1, 0.0], [0.0, 0.0]], 'must not decrease'),
-    (('skin', 'depth'), True, 'skin.depth is True'),
-    (('skin', 'stiffness'), 'soft', "skin.stiffness is 'soft', must be a number"),
-    (('skin', 'stiffness'), math.inf, 'skin.stiffness is inf'),
+    (('skin', 'thickness'), 0.001, 'skin.thickness is 0.001'),
     (('skin', 'stiffness'), 10**400, 'skin.stiffness is 1000'),
     (('sensor', 'baseline'), 256, 'sensor.baseline is 256'),
     (('sensor', 'columns'), 8.5, 'sensor.columns is 8.5, must be an integer'),
-    (('sensor', 'columns'), 1000, 'sensor.columns is 1000'),
-    (('sensor',), 3, 'sensor: is 3'),
     (('slip',), {'s': 0.1}, "slip: key 'offset' is missing"),
     (('start', 's'), 0.21, 'start.s is 0.21, must be at most the length of the edge, 0.2 m'),
-    (('start', 'yaw'), None, 'start.yaw is None'),
 ])
 def test_wrong_values_are_named_in_one_line(tmp_path, path, value, words):
     with pytest.raises(ConfigurationError) as error:

@@ -3,6 +3,7 @@ import dataclasses
 import json
 
 import numpy as np
+from puma_loop import coarse_scene
 import pytest
 
 from tactile_common.errors import ConfigurationError
@@ -21,9 +22,15 @@ MOST = 1.5 * FORCE + 2.0  # N, what the object may feel whatever the sensor says
 LINE = SurfaceGoal(0.03, FORCE, Pattern.LINE, (0.0, 1.0, 0.0), 0.06)
 
 
+def scene_of(name):
+    """Shipped scene; the probe of one of a surface has a coarse skin, which is soon solved."""
+    folder, _, surface = name.rpartition('/')
+    return coarse_scene(surface) if folder else load_scene(find_scene(name))
+
+
 def run(scene, goal, *faults, law=None, **changes):
     """Simulate a goal with faults: simulation and summary."""
-    scene = load_scene(find_scene(scene))
+    scene = scene_of(scene)
     if changes:
         scene = dataclasses.replace(scene, sensor=dataclasses.replace(scene.sensor, **changes))
     simulation = Simulation(scene, law, faults=[Fault.of(fault) for fault in faults])
@@ -85,7 +92,7 @@ def blinded(simulation, from_force):
 @pytest.mark.parametrize('from_force', [0.0, 4.0])
 def test_a_wrist_notices_a_pad_that_feels_nothing(scene, from_force):
     goal = LINE if scene.startswith('surfaces') else EdgeGoal(0.03, FORCE)
-    simulation = blinded(Simulation(load_scene(find_scene(scene)), wrist=True), from_force)
+    simulation = blinded(Simulation(scene_of(scene), wrist=True), from_force)
     simulation.run(goal, 20.0)
     summary = simulation.summary(goal)
     assert not summary['ok'] and summary['force_max'] < MOST and summary['force_end'] == 0.0
@@ -109,7 +116,7 @@ def sticking(simulation, from_force):
 @pytest.mark.parametrize('tested', [True, False])
 def test_a_sensor_that_sticks_is_found_before_the_pad_goes_on(scene, law, tested):
     goal = LINE if scene.startswith('surfaces') else EdgeGoal(0.03, FORCE, length=0.03)
-    simulation = sticking(Simulation(load_scene(find_scene(scene)), law, config=ServoConfig(
+    simulation = sticking(Simulation(scene_of(scene), law, config=ServoConfig(
         self_test=tested)), from_force=1.0)
     simulation.run(goal, 20.0)
     summary = simulation.summary(goal)
@@ -122,13 +129,13 @@ def test_a_sensor_that_sticks_is_found_before_the_pad_goes_on(scene, law, tested
 def test_a_wrist_that_carries_a_tool_agrees_with_the_pad(scene, speed):
     goal = (dataclasses.replace(LINE, speed=speed) if scene.startswith('surfaces')
             else EdgeGoal(speed, FORCE))
-    simulation = Simulation(load_scene(find_scene(scene)), wrist=True)
+    simulation = Simulation(scene_of(scene), wrist=True)
     simulation.run(goal, 20.0)
     assert simulation.summary(goal)['ok'], simulation.servo.reason
 
 
 def test_a_wrist_that_falls_silent_holds():
-    simulation = Simulation(load_scene(find_scene('straight')), wrist=True)
+    simulation = Simulation(scene_of('straight'), wrist=True)
     simulation.run(EdgeGoal(0.03, FORCE), 20.0, until=lambda status: status.progress > 0.02)
     see = simulation.servo.see_wrench
     simulation.servo.see_wrench = lambda force, arrival: see(np.nan * force, arrival)
@@ -141,7 +148,7 @@ def test_a_wrist_that_falls_silent_holds():
 
 
 def test_a_pad_that_was_left_pressed_is_no_weight_of_the_tool():
-    simulation = Simulation(load_scene(find_scene('straight')), wrist=True)
+    simulation = Simulation(scene_of('straight'), wrist=True)
     goal = EdgeGoal(0.03, FORCE, length=0.02, retreat=False)
     simulation.run(goal, 20.0)
     assert simulation.servo.success
@@ -152,7 +159,7 @@ def test_a_pad_that_was_left_pressed_is_no_weight_of_the_tool():
 
 
 def test_what_a_wrist_felt_is_in_the_journal():
-    simulation = Simulation(load_scene(find_scene('straight')), wrist=True)
+    simulation = Simulation(scene_of('straight'), wrist=True)
     simulation.run(EdgeGoal(0.03, FORCE), 20.0, until=lambda status: status.progress > 0.0)
     servo, journal = simulation.servo, simulation.servo.journal
     texts = [text for call, text in zip(
@@ -175,7 +182,7 @@ def test_a_sensor_without_noise_is_not_taken_for_dead_but_freezes_visibly():
 
 def test_an_approach_that_meets_nothing_goes_back_to_where_it_began():
     # However little a pad lifts off otherwise; the edge of this scene lies 4 mm away.
-    simulation = Simulation(load_scene(find_scene('straight')), config=ServoConfig(
+    simulation = Simulation(scene_of('straight'), config=ServoConfig(
         approach=ApproachConfig(distance=0.003), retreat=RetreatConfig(distance=0.0005)))
     begin = simulation.pose[2, 3]
     simulation.run(EdgeGoal(0.03, FORCE), 10.0)

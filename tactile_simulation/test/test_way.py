@@ -33,10 +33,9 @@ def test_what_a_stop_takes_is_part_of_the_way(scene, kind):
     assert way == pytest.approx(LENGTH, abs=0.006)  # the last stop, and the robot's lag
 
 
-@SCENES
-def test_the_slowest_goal_is_no_stall(scene, kind):
-    simulation = Simulation(scene)
-    simulation.run(kind(1e-4, 5.0, length=6.5e-4), 20.0)
+def test_the_slowest_goal_is_no_stall():
+    simulation = Simulation(STRAIGHT)
+    simulation.run(EdgeGoal(1e-4, 5.0, length=6.5e-4), 20.0)
     assert simulation.servo.reason.code is ReasonCode.LENGTH_REACHED
 
 
