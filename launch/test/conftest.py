@@ -8,19 +8,16 @@ from edge_tracking.recording.run import read_run
 
 @pytest.fixture(scope='session')
 def scene():
-    """Scene of the run."""
     return straight_scene()
 
 
 @pytest.fixture(scope='session')
 def bag(tmp_path_factory):
-    """Bag of the run."""
     return write_bag(tmp_path_factory.mktemp('bags') / 'run')
 
 
 @pytest.fixture(scope='session')
 def run(bag):
-    """Run read from its bag."""
     return read_run(bag)
 
 

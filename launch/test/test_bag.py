@@ -7,7 +7,6 @@ import time
 from ament_index_python.packages import get_package_share_directory
 from geometry_msgs.msg import PoseStamped
 import pytest
-import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -23,15 +22,6 @@ from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.message_definitions import definition_of
 from tactile_common.ros.runner import make_executor, spin
 from tactile_msgs.msg import SensorInfo
-
-
-@pytest.fixture
-def context():
-    """Context of the test's own."""
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    yield context
-    context.try_shutdown()
 
 
 def record(context, path, topics, publish, make=make_executor, **options):

@@ -59,21 +59,6 @@ def test_namespace_is_that_of_the_bag(tmp_path):
     assert not len(read_run(path, 'right').images.stamp_ns)
 
 
-def test_contacts_of_another_version_are_refused_by_name(tmp_path):
-    text = 'std_msgs/Header header\nuint8 type\nbool valid\nfloat64 a\n' + '=' * 80 + (
-        '\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n') + '=' * 80 + (
-        '\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n')
-    with Writer(tmp_path / 'run', version=9) as writer:
-        connection = writer.add_connection(
-            '/tactile/contact', 'tactile_msgs/msg/Contact', msgdef=text,
-            rihs01='RIHS01_' + 64 * '0')
-        writer.write(connection, 1000, b'\x00\x01\x00\x00' + 8 * b'\x00'
-                     + b'\x01\x00\x00\x00\x00\x02\x01\x00' + 8 * b'\x00')
-    with pytest.raises(ConfigurationError, match='messages on /tactile/contact are of another '
-                       "version of tactile_msgs/msg/Contact: they have no field 'force_valid'"):
-        read_run(tmp_path / 'run')
-
-
 def test_two_sensors_need_a_choice(tmp_path):
     names = {'/tactile/image': '/left/image', '/tactile/contact': '/right/contact'}
     path = write_bag(tmp_path / 'two', topics=[TOPICS[0], TOPICS[2]], rename=names.get)
@@ -110,3 +95,18 @@ def test_a_whole_file_is_read_without_metadata(tmp_path):
     (path / 'metadata.yaml').unlink()
     assert len(whole.images.stamp_ns) and (
         read_run(path).images.stamp_ns == whole.images.stamp_ns).all()
+
+
+def test_contacts_of_another_version_are_refused_by_name(tmp_path):
+    text = 'std_msgs/Header header\nuint8 type\nbool valid\nfloat64 a\n' + '=' * 80 + (
+        '\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n') + '=' * 80 + (
+        '\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n')
+    with Writer(tmp_path / 'run', version=9) as writer:
+        connection = writer.add_connection(
+            '/tactile/contact', 'tactile_msgs/msg/Contact', msgdef=text,
+            rihs01='RIHS01_' + 64 * '0')
+        writer.write(connection, 1000, b'\x00\x01\x00\x00' + 8 * b'\x00'
+                     + b'\x01\x00\x00\x00\x00\x02\x01\x00' + 8 * b'\x00')
+    with pytest.raises(ConfigurationError, match='messages on /tactile/contact are of another '
+                       "version of tactile_msgs/msg/Contact: they have no field 'force_valid'"):
+        read_run(tmp_path / 'run')

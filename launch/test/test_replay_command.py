@@ -30,13 +30,11 @@ GOLDEN = Path(__file__).resolve().parents[2] / 'test/golden/noise'
 
 
 def run(capsys, *args):
-    """Exit status and what was said."""
     status = main([str(arg) for arg in args])
     return status, capsys.readouterr().err
 
 
 def file_of(folder):
-    """The file of a bag."""
     return next(folder.glob('*.mcap'))
 
 

@@ -39,7 +39,6 @@ class Page(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
-        """Take images apart from other links."""
         self._inside, known = tag, dict(attrs)
         self.tags.append(tag)
         self.classes.append(known.get('class'))
@@ -55,7 +54,6 @@ class Page(HTMLParser):
                 self.handlers.append((tag, name))
 
     def handle_data(self, data):
-        """Collect visible text, and what is not."""
         kinds = {'script': self.scripts, 'style': self.styles}
         if self._inside in kinds:
             kinds[self._inside].append(data)
@@ -65,14 +63,12 @@ class Page(HTMLParser):
                 self.captions.append(data)
 
     def handle_endtag(self, tag):
-        """Leave an element."""
         self._inside = None
         if tag == 'figcaption':
             self.tags.append('/figcaption')
 
     @property
     def text(self):
-        """All text."""
         return ' '.join(self.words)
 
 
@@ -94,7 +90,6 @@ def read_page(path, charts=None):
 
 
 def report(path, run, summary, scene=None, real=None):
-    """Write the report of a run."""
     make_report(path, Shown('runs/bag', run, summary, scene, real))
     return path
 

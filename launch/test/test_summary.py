@@ -1,21 +1,12 @@
-"""Numbers of a run against what the made-up run is known to hold."""
-
+"""Numbers of a run and of a recording against what the made-up run is known to hold."""
 import dataclasses
 import json
 
 import numpy as np
 import pytest
-from recorded_run import (
-    APPROACH,
-    CONTOUR_OFF,
-    CPU_TIME,
-    FORCE,
-    LATENCY,
-    lateral_at,
-    SPEED,
-    TRACK,
-)
+import recorded_run as made
 
+from edge_tracking.recording.frames_summary import force_series, summarise_recording
 from edge_tracking.recording.summary import latencies, summarise, truth
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import State
@@ -45,22 +36,22 @@ def test_summary_of_a_run(run, scene):
     assert summary['reason_code'] == 'edge_ended'
     assert (summary['scene'], summary['law'], summary['seed']) == (
         'straight', 'resolved_rate', 3)
-    assert summary['speed'] == SPEED
-    assert summary['force_target'] == FORCE
+    assert summary['speed'] == made.SPEED
+    assert summary['force_target'] == made.FORCE
     for key in ('tracked_length', 'edge_length'):
-        assert summary[key] == pytest.approx(SPEED * TRACK, rel=5e-3)
+        assert summary[key] == pytest.approx(made.SPEED * made.TRACK, rel=5e-3)
     assert summary['duration'] == pytest.approx(3.82, abs=0.01)
     assert summary['sensor_rate'] == pytest.approx(200.0)
     assert summary['control_rate'] == pytest.approx(400.0)
     assert summary['missed_cycles'] == 1  # of this goal, not since the node started
     assert summary['too_busy'] is False
-    assert summary['cpu_per_cycle'] == pytest.approx(CPU_TIME)
+    assert summary['cpu_per_cycle'] == pytest.approx(made.CPU_TIME)
 
 
 def test_lateral_errors_are_those_of_the_true_edge(run, scene):
     summary = summarise(run, scene)
-    settled = np.arange(APPROACH + 0.01 / SPEED, APPROACH + TRACK, 1 / 400)
-    expected = np.abs(lateral_at(settled))
+    settled = np.arange(made.APPROACH + 0.01 / made.SPEED, made.APPROACH + made.TRACK, 1 / 400)
+    expected = np.abs(made.lateral_at(settled))
     assert summary['lateral_rms'] == pytest.approx(np.sqrt(np.mean(expected**2)), rel=0.02)
     assert summary['lateral_max'] == pytest.approx(expected.max(), rel=0.05)
     assert summary['lateral_transient_max'] == pytest.approx(3e-3, rel=0.01)
@@ -71,22 +62,22 @@ def test_lateral_errors_are_those_of_the_true_edge(run, scene):
 
 def test_rebuilt_outline_is_compared_with_the_true_edge(run, empty, scene):
     summary = summarise(run, scene)
-    assert summary['contour_max_error'] == pytest.approx(CONTOUR_OFF, rel=1e-6)
+    assert summary['contour_max_error'] == pytest.approx(made.CONTOUR_OFF, rel=1e-6)
     assert not summary['closed'] and summary['corners'] == []
     (side,) = summary['sides']
     assert side['kind'] == 'line'
-    assert side['length'] == pytest.approx(SPEED * TRACK, abs=1.1e-3)
+    assert side['length'] == pytest.approx(made.SPEED * made.TRACK, abs=1.1e-3)
     without = summarise(empty, scene)
     assert np.isnan(without['contour_max_error']) and without['sides'] == []
 
 
 def test_forces_are_those_on_the_pad(run, scene):
     summary = summarise(run, scene)
-    assert summary['force_max'] == pytest.approx(FORCE, rel=1e-3)
+    assert summary['force_max'] == pytest.approx(made.FORCE, rel=1e-3)
     assert summary['force_rms_error'] < 2e-3
     doubled = summarise(changed(
         run, force_target=2.0 * run.statuses.force_target), scene)
-    assert doubled['force_rms_error'] == pytest.approx(FORCE, rel=1e-3)
+    assert doubled['force_rms_error'] == pytest.approx(made.FORCE, rel=1e-3)
 
 
 def test_force_error_leaves_out_where_the_edge_ends_under_the_pad(run, scene):
@@ -97,7 +88,7 @@ def test_force_error_leaves_out_where_the_edge_ends_under_the_pad(run, scene):
     shifted = dataclasses.replace(run, poses=dataclasses.replace(run.poses, matrix=poses))
     real = truth(shifted, scene)
     short = real.settled & ~real.on_target
-    assert short.any() and real.force[short].min() < 0.8 * FORCE
+    assert short.any() and real.force[short].min() < 0.8 * made.FORCE
     assert summarise(shifted, scene)['force_rms_error'] < 2e-3
 
 
@@ -110,16 +101,16 @@ def test_a_pad_that_coasts_beyond_the_end_is_not_beside_the_edge(run, scene):
 
 def test_latency_runs_from_the_last_byte_to_the_command(run, scene):
     stamps, values = latencies(run)
-    np.testing.assert_allclose(values, LATENCY, atol=1e-6)
-    assert len(stamps) == pytest.approx(TRACK * 200, abs=2)
+    np.testing.assert_allclose(values, made.LATENCY, atol=1e-6)
+    assert len(stamps) == pytest.approx(made.TRACK * 200, abs=2)
     assert (np.diff(stamps) == 5_000_000).all()
-    late = run.statuses.latency + 0.0015 * (run.statuses.progress > 0.5 * SPEED * TRACK)
+    late = run.statuses.latency + 0.0015 * (run.statuses.progress > 0.5 * made.SPEED * made.TRACK)
     summary = summarise(changed(run, latency=late), scene)
-    assert summary['latency_p50'] == pytest.approx(LATENCY + 0.00075, abs=0.0008)
-    assert summary['latency_p99'] == pytest.approx(LATENCY + 0.0015, abs=1e-5)
+    assert summary['latency_p50'] == pytest.approx(made.LATENCY + 0.00075, abs=0.0008)
+    assert summary['latency_p99'] == pytest.approx(made.LATENCY + 0.0015, abs=1e-5)
 
 
-def test_ok_needs_the_action_and_the_edge(run, scene):
+def test_ok_needs_the_action_the_edge_and_the_way_that_the_servo_claims(run, scene):
     refused = changed(run, reason_code=np.full_like(
         run.statuses.reason_code, ReasonCode.CANCELLED))
     assert not summarise(refused, scene)['ok']
@@ -128,9 +119,6 @@ def test_ok_needs_the_action_and_the_edge(run, scene):
     lost = dataclasses.replace(run, poses=dataclasses.replace(run.poses, matrix=away))
     summary = summarise(lost, scene)
     assert not summary['ok'] and 'not led along the edge' in summary['reason']
-
-
-def test_ok_needs_the_way_that_the_servo_claims(run, scene):
     boast = changed(run, progress=2.0 * run.statuses.progress)
     assert not summarise(boast, scene)['ok']
 
@@ -142,7 +130,40 @@ def test_run_that_never_touched(run, scene):
     assert np.isnan(summary['lateral_rms']) and summary['tracked_length'] == 0.0
 
 
-def test_empty_recording_gives_a_summary(empty, scene):
+def test_empty_recording_gives_a_summary_that_is_not_ok(empty, scene):
     summary = summarise(empty, scene)
     assert set(summary) == DESIGN_KEYS and not summary['ok']
     json.loads(to_json(summary))
+    summary = summarise_recording(empty)
+    assert not summary['ok']
+    json.loads(to_json(summary))
+
+
+def test_summary_of_a_recording(run):
+    summary = summarise_recording(run)
+    assert summary['ok']
+    assert (summary['force_unit'], summary['sensor']) == ('N', 'pad')
+    assert summary['force_max'] == pytest.approx(made.FORCE, rel=0.1)
+    assert summary['sensor_rate'] == pytest.approx(200.0)
+    assert summary['frames'] == len(run.images.stamp_ns) == sum(
+        summary['contact_types'].values())
+    assert summary['lost_frames'] == 0
+
+
+def test_lost_frames_are_jumps_of_the_sequence(run):
+    keep = np.ones(len(run.images.stamp_ns), bool)
+    keep[[10, 50, 51]] = False
+    images = dataclasses.replace(
+        run.images, **{name: getattr(run.images, name)[keep]
+                       for name in ('stamp_ns', 'sequence', 'frames')})
+    assert summarise_recording(dataclasses.replace(run, images=images))['lost_frames'] == 3
+
+
+def test_without_estimates_the_pictures_give_the_force(run, empty):
+    bare = dataclasses.replace(run, contacts=empty.contacts, images=dataclasses.replace(
+        run.images, unit='counts', frames=np.ones_like(run.images.frames)))
+    series = force_series(bare)
+    assert series.unit == 'counts m^2'
+    np.testing.assert_allclose(series.force, made.ARRAY.size_x * made.ARRAY.size_y)
+    np.testing.assert_allclose(series.centre_of_pressure, 0.0, atol=1e-12)
+    assert series.stamp_ns[0] == made.START

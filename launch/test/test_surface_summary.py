@@ -18,7 +18,6 @@ RADIUS = 0.035
 
 
 def shape_of(patches):
-    """What a summary says of patches."""
     felt, shape = shape_of_surface(SimpleNamespace(patches=patches, touches=Poses.of([])))
     assert felt.shape == (0, 3)
     return shape
@@ -31,22 +30,16 @@ def patches(way):
         way, axis=1, keepdims=True)]
 
 
-def test_a_straight_way_over_a_ball_does_not_see_it_bend_across():
+def test_a_winding_way_sees_all_of_a_ball_a_straight_one_not_that_it_bends_across():
     angle = np.linspace(-0.8, 0.8, 400)
     told = shape_of(patches(np.column_stack([np.sin(angle), 0.0 * angle, np.cos(angle)])))
     assert told['surface_radius'] == pytest.approx(RADIUS, rel=0.01)
     assert told['surface_kind'] == 'cylinder' and not told['surface_seen_across']
-
-
-def test_a_winding_way_over_a_ball_sees_all_of_it():
     angle = np.linspace(-0.8, 0.8, 1000)
     told = shape_of(patches(np.column_stack(
         [np.sin(angle), 0.15 * np.sin(40.0 * angle), np.cos(angle)])))
     assert told['surface_radius'] == pytest.approx(RADIUS, rel=0.01)
     assert told['surface_kind'] == 'sphere' and told['surface_seen_across']
-
-
-def test_nothing_is_told_of_nothing():
     told = shape_of([])
     assert told['surface_kind'] == 'none' and np.isnan(told['surface_radius'])
     assert not told['surface_seen_across']

@@ -8,8 +8,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from tactile_servo.motion.robot import RobotModel
-
 URDF = Path(__file__).resolve().parents[1] / 'urdf/puma260.urdf'
 ROBOT = ElementTree.parse(URDF).getroot()
 
@@ -28,6 +26,7 @@ def test_one_tree_from_base_to_pad():
     assert len(set(links)) == len(links) and len(set(children)) == len(children)
     assert set(links) - set(children) == {'base_link'}
     assert 'tactile_pad' in links
+    assert ROBOT.find('.//mesh') is None  # its shapes need no files
 
 
 def test_root_has_no_inertia_and_every_moving_link_a_possible_one():
@@ -48,22 +47,9 @@ def test_root_has_no_inertia_and_every_moving_link_a_possible_one():
         assert moments[0] > 0.0 and moments[2] <= moments[0] + moments[1], link.get('name')
 
 
-def test_shapes_need_no_files():
-    assert ROBOT.find('.//mesh') is None
-
-
 def test_pad_is_the_sensor():
     box = ROBOT.find("link[@name='tactile_pad']/visual/geometry/box").get('size').split()
     assert [float(v) for v in box[:2]] == [0.0254, 0.0254]
     origin = ROBOT.find("link[@name='tactile_pad']/visual/origin").get('xyz').split()
     # The surface, not the box's middle, is the origin of the frame.
     assert float(origin[2]) == pytest.approx(-0.5 * float(box[2]))
-
-
-def test_stretched_out_arm_is_where_the_table_puts_it():
-    """All joints at zero: x = a2; y = -(d2 + d3); z = d1 + d4 + d6 + finger."""
-    pose = RobotModel.from_urdf(URDF, 'tactile_pad').pose(np.zeros(6))
-    inch = 0.0254
-    np.testing.assert_allclose(
-        pose[:3, 3], [8.0 * inch, 5.0 * inch, (13.0 + 8.0 + 2.5) * inch + 0.1], atol=1e-12)
-    np.testing.assert_allclose(pose[:3, :3], np.eye(3), atol=1e-12)
