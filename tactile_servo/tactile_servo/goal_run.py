@@ -12,7 +12,7 @@ from tactile_servo.following import apart, Following
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Assessment, Goal, Reference, ServoLaw
 from tactile_servo.motion.motion import Motion, MotionStep
-from tactile_servo.normal_way import approach_speed, NormalWay
+from tactile_servo.normal_way import NormalWay
 from tactile_servo.phases import (
     APPROACHING,
     BINDING,
@@ -452,7 +452,7 @@ def time_limits(config: ServoConfig, goal: Goal) -> dict[State, float]:
 
     length = getattr(goal, 'length', 0.0)
     return {
-        State.APPROACH: longest(config.approach.distance, approach_speed(config, goal.force)),
+        State.APPROACH: longest(config.approach.distance, config.approach.speed),
         State.TRACK: longest(length, goal.speed) if length else LONGEST_TRACK,
         State.RETREAT: longest(config.retreat.distance, config.approach.speed)}
 

@@ -104,8 +104,6 @@ class ServoLaw(Protocol):
     def stiffness(self) -> float: ...  # total, of skin, finger and robot [N/m]
     def depth(self, force: float) -> float: ...  # for a force [N], from an arbitrary zero [m]
     @property
-    def touch_speed(self) -> float: ...  # largest speed of pressing before tracking [m/s]
-    @property
     def unfelt(self) -> float: ...  # force implied by the depth beyond the measured force [N]
     @property
     def touch(self) -> Touch | None: ...  # newest, if the law maps a surface; else None

@@ -10,13 +10,6 @@ from tactile_servo.inputs import Inputs
 from tactile_servo.law import Goal, ServoLaw
 from tactile_servo.motion.motion import Motion
 
-SOFT_TOUCH = 2.5  # N, wanted force below which the approach is slower, in proportion
-
-
-def approach_speed(config: ServoConfig, force: float) -> float:
-    """Return the speed of the approach [m/s], reduced for forces below `SOFT_TOUCH`."""
-    return config.approach.speed * min(force / SOFT_TOUCH, 1.0)
-
 
 class NormalWay:
     """
@@ -115,18 +108,14 @@ class NormalWay:
 
     def _careful_speed(self) -> float:
         """Return the speed at which the pad may approach or press in the test [m/s]."""
-        return min(approach_speed(self._config, self._goal.force), self._law.touch_speed,
-                   self._sighted_speed())
-
-    def _sighted_speed(self) -> float:
-        """Return the speed at which the force cannot grow much before an image shows it [m/s]."""
+        # The force cannot grow much before an image shows it.
         way, contact = self._unseen_way(), self._inputs.contact
         seen = None if contact is None else self._inputs.pose_at(contact.stamp_ns)
         if seen is None:
-            return way / MAX_STAMP_AGE
+            return min(self._config.approach.speed, way / MAX_STAMP_AGE)
         pose = self._motion.pose
         blind = float((pose[:3, 3] - seen[:3, 3]) @ pose[:3, 2])
-        return clipped((way - blind) / REACTION, 0.0, np.inf)
+        return clipped((way - blind) / REACTION, 0.0, self._config.approach.speed)
 
     def _unseen_way(self) -> float:
         return unseen_way(self._goal.force, self._law.stiffness)

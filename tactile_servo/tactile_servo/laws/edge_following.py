@@ -51,7 +51,6 @@ class EdgeFollowing:
     sees_images: ClassVar[bool] = True
     near: ClassVar[float] = 1.0
     touch: Touch | None = None
-    touch_speed = math.inf
 
     def __init__(self, servo: ServoConfig, config: EdgeFollowingConfig | None = None):
         self.servo, self.config = servo, config or EdgeFollowingConfig()

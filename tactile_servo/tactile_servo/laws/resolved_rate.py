@@ -202,11 +202,6 @@ class ResolvedRate:
         """Total stiffness of skin, finger and robot along the normal, K_z of (5.5) [N/m]."""
         return self.config.force.stiffness
 
-    @property
-    def touch_speed(self) -> float:
-        """Speed at which the force loop would move a pad without contact [m/s]."""
-        return self.goal.force / (self.config.force.stiffness * self.shortest)
-
     def depth(self, force: float) -> float:
         return force / self.stiffness
 

@@ -93,7 +93,6 @@ class SurfaceFollowing:
     config_type: ClassVar[type] = SurfaceConfig
     sees_images: ClassVar[bool] = True
     near: ClassVar[float] = math.inf  # a contact may be anywhere on the pad
-    touch_speed = math.inf
     # Set by `begin`:
     goal: SurfaceGoal
     _dome: Dome
