@@ -107,8 +107,11 @@ class NormalWay:
         return twist
 
     def _careful_speed(self) -> float:
-        """Return the speed at which the pad may approach or press in the test [m/s]."""
-        # The force cannot grow much before an image shows it.
+        """
+        Return the speed at which the pad may approach or press in the test [m/s].
+
+        At this speed the force cannot grow much before an image shows it.
+        """
         way, contact = self._unseen_way(), self._inputs.contact
         seen = None if contact is None else self._inputs.pose_at(contact.stamp_ns)
         if seen is None:
