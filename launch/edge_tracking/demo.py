@@ -160,7 +160,8 @@ def track(options: argparse.Namespace, path: Path, scene: Scene, folder: Path, d
         port, stop = enter(private_port()), enter(stop_on_signals())
         progress = enter(live_progress(scene.way or way_length(pattern)))
         parts = {name: enter(apart(name, *arguments, **common)) for name, arguments in (
-            ('listeners', (folder / 'bag',)),
+            ('recorder', (folder / 'bag',)),
+            ('shape', ()),
             ('mocks', (port, path, robot, options.seed)),
             ('sensing', (port, calibrate(port, scene))))}
         graph = enter(Graph(**common))

@@ -1,9 +1,9 @@
 """
 The graph in several processes, so that no part waits for another's interpreter.
 
-`sensing` is driver and contact estimator. `mocks` replace hardware, which is never late.
-`listeners` are recorder and shape estimator; they have a low priority, for machines with few
-processors.
+`sensing` is driver and contact estimator. `mocks` replace hardware, which is never late. The
+`recorder` is as urgent as the servo, because what it receives too late is lost. `shape`, the shape
+estimator, has a low priority, for machines with few processors.
 """
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -51,15 +51,20 @@ class Heard:
                 self.failed = status.message
 
 
-def add_listeners(graph: Graph, bag: str | Path) -> None:
-    """Add a recorder of all topics and the shape estimator."""
+def add_recorder(graph: Graph, bag: str | Path) -> None:
+    """Add a recorder of all topics."""
     graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
+
+
+def add_shape_estimator(graph: Graph) -> None:
+    """Add the shape estimator."""
     graph.add(ShapeEstimatorNode)
 
 
 # Function that makes each part, and its niceness.
 PARTS: dict[str, tuple[Callable[..., Any], int]] = {
-    'sensing': (add_sensing, 0), 'mocks': (add_mocks, 0), 'listeners': (add_listeners, 10)}
+    'sensing': (add_sensing, 0), 'mocks': (add_mocks, 0), 'recorder': (add_recorder, 0),
+    'shape': (add_shape_estimator, 10)}
 
 
 @contextmanager

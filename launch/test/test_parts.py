@@ -22,11 +22,11 @@ RECORDED = {'joint_states', 'image'}
 def test_sensor_and_robot_are_heard_and_recorded_and_end_with_the_graph(tmp_path):
     seen = {}
     with private_port() as port:
-        with apart('listeners', tmp_path / 'bag') as listeners, \
+        with apart('recorder', tmp_path / 'bag') as recorder, \
                 apart('mocks', port, find_scene('straight'), ROBOT) as mocks, \
                 apart('sensing', port) as sensing, \
                 Graph() as graph:
-            parts = listeners, mocks, sensing
+            parts = recorder, mocks, sensing
             listener = graph.add(Node, own={'node_name': 'listener'})
             for name, kind in (('/joint_states', JointState), ('/tactile/contact', Contact)):
                 listener.create_subscription(

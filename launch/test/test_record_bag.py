@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from edge_tracking import record_bag
 from edge_tracking.graph import Graph
 from edge_tracking.recording.settings import Settings
-from edge_tracking.recording.topics import GraphBag
+from edge_tracking.recording.topics import GraphBag, topics
 from edge_tracking.recording.writer import BagWriter
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag
@@ -57,6 +57,26 @@ def test_what_a_killed_recorder_has_heard_is_there_but_for_the_last_second(tmp_p
             numbers.append(stamp_to_ns(row.message.header.stamp))
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
     assert numbers[0] < 10 and killed - sent[numbers[-1]] < 1.5
+
+
+@pytest.mark.graph
+def test_a_recorder_that_had_no_time_for_half_a_second_has_lost_nothing(tmp_path):
+    path, count = tmp_path / 'bag', 500
+    with Graph(namespace='left') as graph:
+        recorder = graph.add(record_bag.RecorderNode, own={'path': path, 'topics': topics('left')})
+        publisher = graph.add(Node, own={'node_name': 'robot'}).create_publisher(
+            JointState, '/joint_states', 10)
+        end = time.monotonic() + 30.0
+        graph.spin(lambda: publisher.get_subscription_count() or time.monotonic() > end)
+        message = JointState()
+        for number in range(count):
+            set_stamp(message.header.stamp, number)
+            publisher.publish(message)
+            time.sleep(0.001)  # at 1 kHz, while nothing is received
+        graph.spin(lambda: recorder.written >= count or time.monotonic() > end)
+    with Bag(path) as bag:
+        stamps = [stamp_to_ns(row.message.header.stamp) for row in bag.messages(['/joint_states'])]
+    assert stamps == list(range(count))
 
 
 @pytest.mark.graph

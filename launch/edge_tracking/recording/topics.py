@@ -29,10 +29,10 @@ OF_ROBOTS = ('joint_states', 'joint_trajectory')  # in any namespace
 
 def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
     """Return every topic of the graph with its type and quality of service for subscribers."""
-    deep = QoSProfile(depth=100)
+    deep = QoSProfile(depth=1000)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     settings = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    sensor = QoSProfile(depth=100, reliability=qos_profile_sensor_data.reliability)
+    sensor = QoSProfile(depth=1000, reliability=qos_profile_sensor_data.reliability)
     own = [('image', TactileImage, sensor), ('sensor_info', SensorInfo, latched),
            ('contact', Contact, sensor), ('wrench', WrenchStamped, sensor),
            ('surface_patch', SurfacePatch, deep), ('contour', Path, latched),
