@@ -116,6 +116,43 @@ def test_a_point_on_a_dead_row_is_found_within_its_claim():
     assert np.sqrt(np.mean(np.square(errors))) < 1.4
 
 
+def test_the_unit_of_the_readings_changes_no_verdict():
+    rng, verdicts = np.random.default_rng(3), set()
+    for make in (nothing, a_point, an_edge, two_points) * 25:
+        picture = make(rng)
+        noise = 10.0 ** (-rng.uniform(14.0, 24.0) / 20.0) * (picture.max() or 1e3)
+        picture = picture + rng.normal(0.0, noise, ARRAY.shape)
+        pascal, volt = (ESTIMATOR.estimate(TactileImage(0, 0, (Layer(
+            'zz', 0.0, (unit * picture).astype(np.float32), noise_std=unit * noise),), ARRAY,
+            tared=True)) for unit in (1.0, 2.0**-20))
+        assert (pascal.type, pascal.reasons) == (volt.type, volt.reasons)
+        verdicts.add(pascal.type)
+    assert len(verdicts) == 4
+
+
+def test_a_flat_disc_that_few_tactels_feel_is_found_within_its_claim():
+    array, rng, radius, few = TactelArray(8, 8, 4e-3, 4e-3), np.random.default_rng(0), 3e-3, 4
+    parts = 4e-3 * ((np.arange(few) + 0.5) / few - 0.5)  # a tactel measures its mean
+    x, y = (array.x[:, None] + parts).ravel(), (array.y[:, None] + parts).ravel()[:, None]
+    grid = radius * np.mgrid[-1:1:13j, -1:1:13j].reshape(2, -1).T
+    disc = grid[np.hypot(*grid.T) <= radius]
+    errors, over = [], []
+    for _ in range(60):
+        centre = rng.uniform(-10e-3, 10e-3, 2)
+        picture = sum(point.stress('zz', x, y, *(centre + offset), 2.0 / len(disc), 0.0, 0.0,
+                                   DEPTH) for offset in disc)
+        picture = picture.reshape(8, few, 8, few).mean(axis=(1, 3))
+        noise = 0.01 * picture.max()
+        layer = Layer('zz', DEPTH, (picture + rng.normal(0.0, noise, picture.shape)).astype(
+            np.float32), noise_std=noise)
+        contact = ContactEstimator().estimate(TactileImage(0, 0, (layer,), array, tared=True))
+        assert contact.type == ContactType.POINT
+        errors.append(np.array([contact.x, contact.y]) - centre)
+        over.append(errors[-1] / np.sqrt(np.diagonal(contact.covariance)[:2]))
+    assert np.hypot(*np.transpose(errors)).max() < 1e-3
+    assert 0.5 < np.sqrt(np.mean(np.square(over))) < 1.2
+
+
 def test_shear_is_reported_within_its_claim():
     for shear in ((0.3, -0.2), (0.06, 0.04), (0.0, 0.0)):
         found = list(noisy_estimates(

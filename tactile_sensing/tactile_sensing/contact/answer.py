@@ -194,7 +194,7 @@ def _answer(frame: np.ndarray, known: Sensor, saturated: int, kinds: np.ndarray,
                         np.repeat(known.floor, size))
     for again in range(2):
         one, why = search(pad, readings, known.scatter, kinds)
-        if again or one.evidence == -np.inf or known.noise[main] > 0.0:
+        if again or one.fit.evidence == -np.inf or known.noise[main] > 0.0:
             break
         left = (readings.value - one.fit.model).reshape(shape)
         quieter = noise_of_image(left[main], False)
@@ -203,7 +203,7 @@ def _answer(frame: np.ndarray, known: Sensor, saturated: int, kinds: np.ndarray,
         noise = quieter
         readings.noise2[:] = quieter ** 2
     record.type, record.reasons = OTHER, seen | why
-    if one.evidence == -np.inf:
+    if one.fit.evidence == -np.inf:
         return 0
     fit, beliefs = one.fit, one.beliefs
     record.iterations = fit.iterations

@@ -27,6 +27,7 @@ SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P: known skin, unk
 # Assumed scatter of unknown gains: sharp tier, robust tier, free tier.
 SCATTER = 0.05, 0.1, 0.05
 POWER, ENDS, ROBUST, PATCH, BASELINE = 1, 2, 4, 8, 16  # options, see `Beliefs`
+FEW_END = 3.0  # log odds of a line that crosses the pad against one that ends on it
 UNSEEN = 0.0, 0.05  # d where the residual does not show it: sharp load on a known skin, others
 
 
@@ -67,7 +68,7 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
         fitted[BEGIN] = fitted[END] = True
         low[BEGIN] = low[END] = -1.5 * reach
         high[BEGIN] = high[END] = 1.5 * reach
-        volume += 2.0 * math.log(2.0 * reach)
+        volume += 2.0 * math.log(2.0 * reach) + FEW_END
         flat += 2
     if power:
         fitted[WIDTH] = fitted[EXPONENT] = True

@@ -18,6 +18,7 @@ GRID = np.geomspace(1e-4, 0.5, 10)  # values of the scatter g
 GRID_STEP = math.log(GRID[1] / GRID[0])
 GRID.flags.writeable = False
 NEIGHBOURS = 0.1  # share of a neighbour's squared pressure that scatters at a tactel
+DEAD = 0.01  # prior probability that a tactel reads nothing, whatever presses
 LIT = 0.02  # squared pressure over noise variance, above which the scatter is visible
 
 
@@ -53,6 +54,19 @@ def weigh(error: np.ndarray, variance: np.ndarray, kept: np.ndarray, robust: boo
 
 
 @njit(error_model='numpy')
+def cost_of_error(error: float, variance: float) -> float:
+    """Return the inverse squared likelihood of an error, without constants."""
+    part = 1.0 + error * error / (NU * variance)
+    return variance * part * part * part * part * part
+
+
+@njit(error_model='numpy')
+def cost_of_dead(reading: float, noise2: float) -> float:
+    """Return the inverse squared likelihood of the reading of a dead tactel."""
+    return noise2 * math.exp(min(reading * reading / noise2, 200.0)) / DEAD ** 2
+
+
+@njit(error_model='numpy')
 def censored(error: float, deviation: float, above: bool) -> tuple[float, float]:
     """
     Return the error and weight of a censored reading for a step of Newton's method.
@@ -70,19 +84,21 @@ def censored(error: float, deviation: float, above: bool) -> tuple[float, float]
 
 @njit(error_model='numpy')
 def log_likelihood(error: np.ndarray, variance: np.ndarray, kept: np.ndarray,
-                   robust: bool) -> float:
-    """Return the log likelihood of the errors, without constants."""
+                   robust: bool, dead: np.ndarray) -> float:
+    """
+    Return the log likelihood of the errors, without constants.
+
+    `dead` (tactels,) is the cost of each reading if its tactel is dead; used only if `robust`.
+    """
     total, product = 0.0, 1.0
     for t in range(error.size):
         if not kept[t]:
             continue
-        u = error[t] * error[t] / variance[t]
         if robust:
-            part = 1.0 + u / NU
-            product *= variance[t] * part * part * part * part * part
+            product *= min(cost_of_error(error[t], variance[t]), dead[t])
         else:
             product *= variance[t]
-            total += u
+            total += error[t] * error[t] / variance[t]
         if not 1e-100 < product < 1e100:  # saves logarithms: one for many tactels
             total += math.log(product)
             product = 1.0
@@ -95,6 +111,8 @@ def marginal_scatter(fit: Fit, noise2: np.ndarray, prior: np.ndarray, beliefs: B
     """
     Return the scatter g (RMS over its posterior) and the log of the integral over g.
 
+    A tactel may be dead instead: whichever is likelier.
+
     The log posterior of log g is approximated by the parabola through the highest point of a grid
     and its two neighbours. If `whole`, the parameters are integrated out at each g; otherwise
     they are taken as known.
@@ -102,12 +120,14 @@ def marginal_scatter(fit: Fit, noise2: np.ndarray, prior: np.ndarray, beliefs: B
     n = fit.rows.shape[0]
     lit = fit.square > LIT * noise2
     dark = fit.kept & ~lit
-    constant = log_likelihood(fit.error, noise2, dark, True)
+    constant = log_likelihood(fit.error, noise2, dark, True, np.full(noise2.size, np.inf))
     some = np.flatnonzero(lit & fit.kept)
     few, base, matrix = np.empty((n, some.size)), np.zeros((n, n)), np.zeros((n, n))
     error, variance = fit.error[some], np.empty(some.size)
     weight, every = np.empty(some.size), np.ones(some.size, np.bool_)
-    right, factor = np.zeros(n), np.zeros((n, n))
+    right, factor, dead = np.zeros(n), np.zeros((n, n)), np.empty(some.size)
+    for t in range(some.size):
+        dead[t] = cost_of_dead(fit.model[some[t]] + error[t], noise2[some[t]])
     if whole:
         weigh(fit.error, noise2, dark, True, fit.weight)
         add_normal(fit.rows, fit.weight, fit.error, base, right)
@@ -128,7 +148,7 @@ def marginal_scatter(fit: Fit, noise2: np.ndarray, prior: np.ndarray, beliefs: B
             add_normal(few, weight, error, matrix, right)
             determinant = factor_of(matrix, factor)
         if determinant == determinant:
-            logs[k] = (constant + log_likelihood(error, variance, every, True)
+            logs[k] = (constant + log_likelihood(error, variance, every, True, dead)
                        - 0.5 * determinant
                        - 0.5 * (math.log(g / beliefs.gain) / beliefs.gain_spread) ** 2)
     return _parabola(logs)

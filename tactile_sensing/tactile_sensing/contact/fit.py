@@ -3,9 +3,11 @@ Robust fit of one load to one image: posterior mode, covariance and evidence; co
 
 The model is: reading i = baseline + m_i (1 + gain_i) + noise_i, where m is the pressure of the
 load. Errors follow a Student t distribution with variance noise^2 + (g m_i)^2; the scatter g is
-marginalised on a grid. A saturated reading is a lower bound, a reading at its floor an upper
-bound (Tobin). Every parameter may have a Gaussian prior. The shear always has one, as a share of
-the normal force. The evidence is Laplace's approximation.
+marginalised on a grid. A tactel whose reading is likelier without a load is dead: it has no
+weight. A saturated reading is a lower bound, a reading at its floor an upper bound (Tobin). Every
+parameter may have a Gaussian prior. The shear always has one, as a share of the normal force. The
+force is uniform up to that of a load as high as the image, so that the evidence has no unit. The
+evidence is Laplace's approximation.
 """
 
 import math
@@ -16,6 +18,9 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_sensing.contact.errors import (
     censored,
+    cost_of_dead,
+    cost_of_error,
+    DEAD,
     log_likelihood,
     marginal_scatter,
     spread_of,
@@ -128,7 +133,12 @@ def _weigh_all(fit: Fit, readings: Readings, heat: float, g: float, robust: bool
         fit.variance[t] = readings.noise2[t] + heat + g * g * fit.square[t]
     weigh(fit.error, fit.variance, fit.kept, robust, fit.weight)
     for t in range(fit.error.size):
-        if not fit.kept[t] and np.isfinite(readings.value[t]):
+        if robust and fit.kept[t]:
+            cost = cost_of_error(fit.error[t], fit.variance[t])
+            if cost > readings.noise2[t] / DEAD ** 2 and cost > cost_of_dead(  # saves the second
+                    fit.model[t] + fit.error[t], readings.noise2[t]):
+                fit.weight[t] = 0.0
+        elif not fit.kept[t] and np.isfinite(readings.value[t]):
             fit.error[t], fit.weight[t] = censored(
                 fit.error[t], math.sqrt(fit.variance[t]), readings.value[t] >= readings.full[t])
 
@@ -236,8 +246,9 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
         if done:
             if not robust:
                 marginal = log_likelihood(
-                    fit.error, fit.variance, fit.kept, False) - 0.5 * determinant
-            evidence = marginal - 0.5 * penalty + volume - beliefs.volume
+                    fit.error, fit.variance, fit.kept, False, fit.variance) - 0.5 * determinant
+            evidence = (marginal - 0.5 * penalty + volume - beliefs.volume
+                        - math.log(scale.force))
             works = evidence == evidence and theta[FORCE] > 0.0
             return Fit(theta, fit.inverse, fit.by, fit.rows, fit.model, fit.square, fit.error,
                        fit.weight, fit.variance, fit.kept, evidence if works else -np.inf,

@@ -30,7 +30,7 @@ from tactile_sensing.contact.beliefs import (
 from tactile_sensing.contact.fit import fit_load, unfitted
 from tactile_sensing.contact.misfit import judge, LOUD, residual_of
 from tactile_sensing.contact.records import Beliefs, Hypothesis, Misfit, Readings, Residual
-from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, EXTRA, is_nothing, refusal
+from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, is_nothing, OFF_PAD, refusal
 from tactile_sensing.skin.bumps import (
     BASE,
     BEGIN,
@@ -48,9 +48,9 @@ from tactile_sensing.skin.kernel import MAX_VARIANCE
 from tactile_sensing.types.contact import Reason
 
 EXCESS = 3.0  # largest excess of chi-square for a sharp load [standard deviations]
-SHOWN = 0.9  # a patch of higher probability is fitted
+SHOWN = 0.5  # a patch of higher probability is fitted
 MUCH = 15.0  # a larger error of a tactel is neither a patch nor drift [standard deviations]
-WRONG_SKIN = 0.05  # a larger residual beyond noise, as share of the pressure: wrong skin
+LACK = 0.05  # a larger residual beyond noise is an error of the model [share of the pressure]
 EXTRAPOLATED = 0.25  # with a larger share of the pressure above full scale the shape is unknown
 DISTINCT = 4.0  # half length over half width above which a load is no point
 STRIPS = 3  # rows or columns; fewer show no direction
@@ -133,22 +133,22 @@ def _cold_start(kind: int, power: bool, guess: Guess, count: int) -> np.ndarray:
 def _fitted(pad: Pad, readings: Readings, beliefs: Beliefs, theta: np.ndarray) -> Hypothesis:
     """Fit one hypothesis; `_judged` adds its misfit and covariance."""
     fit = fit_load(pad, readings, beliefs, theta)
-    return Hypothesis(beliefs, fit, fit.evidence - EXTRA * (beliefs.ends + beliefs.patch),
-                      residual_of(fit, readings), Misfit(0.0, 0.0, 0.0), np.zeros((0, 0)))
+    return Hypothesis(beliefs, fit, residual_of(fit, readings), Misfit(0.0, 0.0, 0.0),
+                      np.zeros((0, 0)))
 
 
 @njit(error_model='numpy', inline='always')
 def _judged(pad: Pad, readings: Readings, one: Hypothesis) -> Hypothesis:
     """Return the hypothesis with its misfit and covariance."""
     misfit, covariance = judge(pad, one.fit, readings, one.beliefs)
-    return Hypothesis(one.beliefs, one.fit, one.evidence, one.residual, misfit, covariance)
+    return Hypothesis(one.beliefs, one.fit, one.residual, misfit, covariance)
 
 
 @njit(error_model='numpy')
 def _is_noise(one: Hypothesis) -> bool:
     """Return whether the residual of a load is no larger than noise."""
     left = one.residual
-    return (one.evidence > -np.inf and left.loudest < LOUD and left.excess < EXCESS
+    return (one.fit.evidence > -np.inf and left.loudest < LOUD and left.excess < EXCESS
             and left.extrapolated < EXTRAPOLATED)
 
 
@@ -156,7 +156,7 @@ def _is_noise(one: Hypothesis) -> bool:
 def _nothing(readings: Readings, beliefs: Beliefs) -> Hypothesis:
     """Return a hypothesis without a fit."""
     fit = unfitted(np.zeros(beliefs.mean.size), readings.noise2, beliefs.active.size)
-    return Hypothesis(beliefs, fit, -np.inf, Residual(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
+    return Hypothesis(beliefs, fit, Residual(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
                       Misfit(0.0, 0.0, 0.0), np.zeros((0, 0)))
 
 
@@ -164,9 +164,8 @@ def _nothing(readings: Readings, beliefs: Beliefs) -> Hypothesis:
 def _other_skin(one: Hypothesis) -> bool:
     """Return whether the residual of a load on the known skin indicates another skin."""
     left = one.residual
-    return (one.misfit.significance > DOUBT and left.left > WRONG_SKIN
-            or left.extrapolated > EXTRAPOLATED
-            or one.beliefs.patch and one.fit.theta[WIDTH] >= MAX_VARIANCE)
+    return (one.misfit.significance > DOUBT and left.left > LACK
+            or left.extrapolated > EXTRAPOLATED)
 
 
 @njit(error_model='numpy', inline='always')
@@ -186,16 +185,24 @@ def _search_sharp(pad: Pad, readings: Readings, scatter: float, guess: Guess,
                 if one.misfit.significance < DOUBT and one.misfit.hidden < SHOWN:
                     return one, True
             if extra == 0:
-                if one.evidence == -np.inf or one.residual.loudest > MUCH:
+                if one.fit.evidence == -np.inf or one.residual.loudest > MUCH:
                     break
                 sharp = one.fit.theta
+        else:
+            break  # the kind is right
     return one, False
 
 
 @njit(error_model='numpy')
 def _unexplained(one: Hypothesis) -> bool:
-    """Return whether a load leaves more than noise and the usual scatter of the gains."""
-    return (one.misfit.significance > 2.0 or one.fit.scatter > 2.0 * one.beliefs.gain
+    """
+    Return whether a load leaves more than noise and the usual scatter of the gains.
+
+    Of a blunt load only a larger error of the model counts.
+    """
+    sharp_error = one.misfit.significance > 2.0 and (
+        one.residual.left > LACK or not one.beliefs.patch)
+    return (sharp_error or one.fit.scatter > 2.0 * one.beliefs.gain
             or one.misfit.hidden > SHOWN)
 
 
@@ -223,10 +230,10 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
     for step in range(-kinds.size, 3):
         kind, ends, patch = kinds[min(step, -1)], False, False
         theta = _cold_start(kind, power, guess, BASE + pad.depths.size)
-        if step == -1 and best.evidence > -np.inf and not _unexplained(best):
+        if step == -1 and best.fit.evidence > -np.inf and not _unexplained(best):
             continue
         if step == 1:
-            if line.evidence == -np.inf or not _unexplained(best):
+            if line.fit.evidence == -np.inf or not _unexplained(best):
                 break
             kind, ends, theta = LINE, True, _with_ends(line, guess)
         elif step >= 0:
@@ -240,9 +247,9 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
             theta)
         if step < 0 and kind == LINE:
             line = one
-        if one.evidence > best.evidence:
+        if one.fit.evidence > best.fit.evidence:
             best = _judged(pad, readings, one)
-        if step == -1 and best.evidence == -np.inf:
+        if step == -1 and best.fit.evidence == -np.inf:
             break
     return best
 
@@ -283,19 +290,24 @@ def search(pad: Pad, readings: Readings, scatter: float,
         shape explains the image although the skin is known.
     """
     guess = first_guess(pad, readings.value)
-    kinds, mismatch, known = _order(pad, guess, kinds), 0, pad.depths[0] > 0.0
+    kinds, known = _order(pad, guess, kinds), pad.depths[0] > 0.0
     nothing = _nothing(readings, beliefs_of(pad, scatter, kinds[0], POWER * (not known)))
-    one, explains = nothing, False
+    one, explains, why = nothing, False, BAD_FIT
     if known:
         one, explains = _search_sharp(pad, readings, scatter, guess, kinds)
-    why = refusal(pad, readings, one) if explains else BAD_FIT
+        if explains:
+            why = refusal(pad, readings, one)
+    refused, free = False, not known
     for power in (False, True):
-        wanted = not known or mismatch > 0 if power else known
-        if explains or not wanted:
+        if explains or not (free if power else known):
             continue
-        one = _search_robust(pad, readings, scatter, guess, kinds, power, nothing)
-        why = (refusal(pad, readings, one) if one.evidence > -np.inf else BAD_FIT) | mismatch
-        if not power and one.evidence > -np.inf and pad.depths.size == 1 and (
-                why or _other_skin(one)) and not is_nothing(readings, one.evidence):
-            mismatch = SKIN_MISMATCH
+        other = _search_robust(pad, readings, scatter, guess, kinds, power, nothing)
+        if power and known and not refused and other.fit.evidence <= one.fit.evidence:
+            continue
+        one = other
+        why = refusal(pad, readings, one) | SKIN_MISMATCH * (power and known)
+        if not power and pad.depths.size == 1 and not is_nothing(readings, one.fit.evidence):
+            refused = why & ~OFF_PAD > 0 or _other_skin(one)
+            free = refused or one.fit.scatter > one.beliefs.gain or (
+                one.beliefs.patch and one.fit.theta[WIDTH] >= MAX_VARIANCE)
     return one, why

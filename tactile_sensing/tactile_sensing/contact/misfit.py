@@ -32,15 +32,14 @@ def residual_of(fit: Fit, readings: Readings) -> Residual:
             loudest, kept = max(loudest, ratio), kept + 1.0
             if fit.model[t] ** 2 > LOUD ** 2 * noise2[t]:
                 squared, lit = squared + ratio, lit + 1.0
-            least = LOUD * math.sqrt(noise2[t])
-            dead = fit.model[t] > 2.0 * least and fit.model[t] + fit.error[t] < least
-            silent += dead
             by_noise += fit.error[t] ** 2 / noise2[t]
             power += fit.model[t] ** 2
-            if ratio < LOUD ** 2 and not dead:  # a fault is no error of the model
+            if ratio < LOUD ** 2:
                 beyond += fit.error[t] ** 2 - noise2[t]
             else:
                 loud += 1.0
+        elif fit.kept[t]:  # a dead tactel is no error of the model
+            silent, kept, loud = silent + 1, kept + 1.0, loud + 1.0
     free = max(lit - fit.rows.shape[0], 1.0)
     return Residual(
         math.sqrt(loudest), loud / max(kept, 1.0), (squared - free) / math.sqrt(2.0 * free),

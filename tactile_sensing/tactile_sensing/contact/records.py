@@ -79,7 +79,6 @@ class Hypothesis(NamedTuple):
 
     beliefs: Beliefs
     fit: Fit
-    evidence: float  # log evidence of the fit, less the cost of a patch and of ends
     residual: Residual
     misfit: Misfit
     covariance: np.ndarray  # (parameters, parameters)

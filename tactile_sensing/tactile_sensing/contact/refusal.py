@@ -13,7 +13,6 @@ from tactile_sensing.types.contact import Reason
 BAD_FIT, NO_CONTACT, OFF_PAD = int(Reason.BAD_FIT), int(Reason.NO_CONTACT), int(Reason.OFF_PAD)
 TWO_CONTACTS = int(Reason.TWO_CONTACTS)
 DOUBT = 3.0  # a sharp load with a higher significance of d is not sufficient
-EXTRA = 3.0  # log evidence that a patch, ends or a load must gain
 # Refused: significance of d above the first value and residual share above the second.
 WRONG = (6.0, 0.12), (3.0, 0.15), (2.0, 0.2), (-math.inf, 0.5)
 NOISY = 0.1  # a larger share of tactels beyond noise is not explained by broken tactels
@@ -61,7 +60,11 @@ def has_second_hill(image: np.ndarray, noise: float) -> bool:
 
 @njit(error_model='numpy')
 def is_nothing(readings: Readings, evidence: float) -> bool:
-    """Return whether a baseline alone explains an image as well as a load of this evidence."""
+    """
+    Return whether a baseline alone explains an image as well as a load of this evidence.
+
+    Like the load, it is uniform up to the highest reading.
+    """
     middle, tails, logs, information = np.nanmedian(readings.value), 0.0, 0.0, 0.0
     for t in range(readings.value.size):
         if np.isfinite(readings.value[t]):
@@ -69,7 +72,8 @@ def is_nothing(readings: Readings, evidence: float) -> bool:
             tails += math.log1p((readings.value[t] - middle) ** 2 / (NU * noise2))
             logs += math.log(noise2)
             information += 1.0 / noise2
-    return -0.5 * ((NU + 1.0) * tails + logs + math.log(information)) > evidence - EXTRA
+    information *= max(np.nanmax(readings.value), 1e-300) ** 2
+    return -0.5 * ((NU + 1.0) * tails + logs + math.log(information)) > evidence
 
 
 @njit(error_model='numpy')
@@ -102,7 +106,9 @@ def _bad_fit(pad: Pad, readings: Readings, one: Hypothesis) -> int:
 def refusal(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     """Return the reason to refuse a hypothesis; 0 if there is none."""
     theta = one.fit.theta
-    if one.beliefs.robust and is_nothing(readings, one.evidence):
+    if one.fit.evidence == -np.inf:
+        return BAD_FIT
+    if one.beliefs.robust and is_nothing(readings, one.fit.evidence):
         return BAD_FIT if _presses(pad, readings) else NO_CONTACT
     wrong = _bad_fit(pad, readings, one)
     if wrong:
