@@ -24,8 +24,7 @@ from tactile_sensing.skin.kernel import MAX_VARIANCE
 
 HALF_SPACE = 2.5  # exponent of a point's bump on a half-space
 SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P: known skin, unknown skin
-# Assumed scatter of unknown gains: sharp tier, robust tier, free tier.
-SCATTER = 0.05, 0.1, 0.05
+SCATTER = 0.05  # assumed scatter of unknown gains
 POWER, ENDS, ROBUST, PATCH, BASELINE = 1, 2, 4, 8, 16  # options, see `Beliefs`
 FEW_END = 3.0  # log odds of a line that crosses the pad against one that ends on it
 UNSEEN = 0.0, 0.05  # d where the residual does not show it: sharp load on a known skin, others
@@ -82,7 +81,7 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
         volume += math.log(MAX_VARIANCE)
         flat += 1
     fitted[BASE:] = options & BASELINE > 0
-    gain, spread = (scatter, 0.5) if scatter > 0.0 else (SCATTER[int(robust) + int(power)], 1.0)
+    gain, spread = (scatter, 0.5) if scatter > 0.0 else (SCATTER, 1.0)
     return Beliefs(kind, power, ends, patch, robust, mean, information, low, high, step,
                    np.flatnonzero(fitted), volume - 0.5 * math.log(2.0 * math.pi) * flat,
                    SHEAR[int(power)], scatter, gain, spread, UNSEEN[int(power or patch)])
