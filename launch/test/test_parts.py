@@ -22,11 +22,11 @@ RECORDED = {'joint_states', 'image'}
 def test_sensor_and_robot_are_heard_and_recorded_and_end_with_the_graph(tmp_path):
     seen = {}
     with private_port() as port:
-        with apart('recorder', tmp_path / 'bag') as recorder, \
+        with apart('recorder', tmp_path / 'bag') as recorder, apart('shape') as shape, \
                 apart('mocks', port, find_scene('straight'), ROBOT) as mocks, \
                 apart('sensing', port) as sensing, \
                 Graph() as graph:
-            parts = recorder, mocks, sensing
+            parts = recorder, shape, mocks, sensing
             listener = graph.add(Node, own={'node_name': 'listener'})
             for name, kind in (('/joint_states', JointState), ('/tactile/contact', Contact)):
                 listener.create_subscription(
@@ -40,8 +40,8 @@ def test_sensor_and_robot_are_heard_and_recorded_and_end_with_the_graph(tmp_path
             end = time.monotonic() + 60.0
             graph.spin(lambda: (len(seen) == 2 and recorded >= RECORDED)
                        or time.monotonic() > end)
-            assert [part.poll() for part in parts] == [None] * 3
-        assert [part.returncode for part in parts] == [0] * 3
+            assert [part.poll() for part in parts] == [None] * 4
+        assert [part.returncode for part in parts] == [0] * 4
         assert not port.is_symlink()
     assert len(seen['/joint_states'].position) == 6
     assert seen['/tactile/contact'].sensor

@@ -39,7 +39,8 @@ BUSY = 'import os\nparent = os.getppid()\nwhile os.getppid() == parent: pass'
 def run_goals(count, bag):
     """Send so many goals; begin and end [s] and reason of each."""
     ended = []
-    with private_port() as port, apart('recorder', bag), apart('mocks', port, SCENE, ROBOT, 0), \
+    with private_port() as port, apart('recorder', bag), apart('shape'), \
+            apart('mocks', port, SCENE, ROBOT, 0), \
             apart('sensing', port, calibrate(port, load_scene(SCENE))), Graph() as graph:
         servo = add_servo(graph, ROBOT)
         graph.spin(lambda: servo.count_subscribers('servo_status') > 0)

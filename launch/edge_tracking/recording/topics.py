@@ -29,6 +29,7 @@ OF_ROBOTS = ('joint_states', 'joint_trajectory')  # in any namespace
 
 def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
     """Return every topic of the graph with its type and quality of service for subscribers."""
+    # Deep queues: at 1 kHz, a recorder that has no time for a second loses nothing.
     deep = QoSProfile(depth=1000)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     settings = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -18,7 +18,7 @@ GRID = np.geomspace(1e-4, 0.5, 10)  # values of the scatter g
 GRID_STEP = math.log(GRID[1] / GRID[0])
 GRID.flags.writeable = False
 NEIGHBOURS = 0.1  # share of a neighbour's squared pressure that scatters at a tactel
-DEAD = 0.01  # prior probability that a tactel reads nothing, whatever presses
+DEAD = 0.01  # prior probability that a tactel is dead: it reads only noise
 LIT = 0.02  # squared pressure over noise variance, above which the scatter is visible
 
 
@@ -84,21 +84,17 @@ def censored(error: float, deviation: float, above: bool) -> tuple[float, float]
 
 @njit(error_model='numpy')
 def log_likelihood(error: np.ndarray, variance: np.ndarray, kept: np.ndarray,
-                   robust: bool, dead: np.ndarray) -> float:
+                   dead: np.ndarray) -> float:
     """
     Return the log likelihood of the errors, without constants.
 
-    `dead` (tactels,) is the cost of each reading if its tactel is dead; used only if `robust`.
+    `dead` (tactels,) is `cost_of_dead` of each reading; of the two, the likelier counts.
     """
     total, product = 0.0, 1.0
     for t in range(error.size):
         if not kept[t]:
             continue
-        if robust:
-            product *= min(cost_of_error(error[t], variance[t]), dead[t])
-        else:
-            product *= variance[t]
-            total += error[t] * error[t] / variance[t]
+        product *= min(cost_of_error(error[t], variance[t]), dead[t])
         if not 1e-100 < product < 1e100:  # saves logarithms: one for many tactels
             total += math.log(product)
             product = 1.0
@@ -111,8 +107,6 @@ def marginal_scatter(fit: Fit, noise2: np.ndarray, prior: np.ndarray, beliefs: B
     """
     Return the scatter g (RMS over its posterior) and the log of the integral over g.
 
-    A tactel may be dead instead: whichever is likelier.
-
     The log posterior of log g is approximated by the parabola through the highest point of a grid
     and its two neighbours. If `whole`, the parameters are integrated out at each g; otherwise
     they are taken as known.
@@ -120,7 +114,7 @@ def marginal_scatter(fit: Fit, noise2: np.ndarray, prior: np.ndarray, beliefs: B
     n = fit.rows.shape[0]
     lit = fit.square > LIT * noise2
     dark = fit.kept & ~lit
-    constant = log_likelihood(fit.error, noise2, dark, True, np.full(noise2.size, np.inf))
+    constant = log_likelihood(fit.error, noise2, dark, np.full(noise2.size, np.inf))
     some = np.flatnonzero(lit & fit.kept)
     few, base, matrix = np.empty((n, some.size)), np.zeros((n, n)), np.zeros((n, n))
     error, variance = fit.error[some], np.empty(some.size)
@@ -148,7 +142,7 @@ def marginal_scatter(fit: Fit, noise2: np.ndarray, prior: np.ndarray, beliefs: B
             add_normal(few, weight, error, matrix, right)
             determinant = factor_of(matrix, factor)
         if determinant == determinant:
-            logs[k] = (constant + log_likelihood(error, variance, every, True, dead)
+            logs[k] = (constant + log_likelihood(error, variance, every, dead)
                        - 0.5 * determinant
                        - 0.5 * (math.log(g / beliefs.gain) / beliefs.gain_spread) ** 2)
     return _parabola(logs)

@@ -21,7 +21,6 @@ from tactile_sensing.contact.errors import (
     cost_of_dead,
     cost_of_error,
     DEAD,
-    log_likelihood,
     marginal_scatter,
     spread_of,
     weigh,
@@ -135,7 +134,8 @@ def _weigh_all(fit: Fit, readings: Readings, heat: float, g: float, robust: bool
     for t in range(fit.error.size):
         if robust and fit.kept[t]:
             cost = cost_of_error(fit.error[t], fit.variance[t])
-            if cost > readings.noise2[t] / DEAD ** 2 and cost > cost_of_dead(  # saves the second
+            # The first condition is necessary, and saves most exponentials.
+            if cost > readings.noise2[t] / DEAD ** 2 and cost > cost_of_dead(
                     fit.model[t] + fit.error[t], readings.noise2[t]):
                 fit.weight[t] = 0.0
         elif not fit.kept[t] and np.isfinite(readings.value[t]):
@@ -244,9 +244,6 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
         if not np.isfinite(determinant):
             return fit
         if done:
-            if not robust:
-                marginal = log_likelihood(
-                    fit.error, fit.variance, fit.kept, False, fit.variance) - 0.5 * determinant
             evidence = (marginal - 0.5 * penalty + volume - beliefs.volume
                         - math.log(scale.force))
             works = evidence == evidence and theta[FORCE] > 0.0

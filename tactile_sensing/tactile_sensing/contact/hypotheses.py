@@ -198,11 +198,11 @@ def _unexplained(one: Hypothesis) -> bool:
     """
     Return whether a load leaves more than noise and the usual scatter of the gains.
 
-    Of a blunt load only a larger error of the model counts.
+    If a patch is fitted, an error of the model up to `LACK` is accepted.
     """
-    sharp_error = one.misfit.significance > 2.0 and (
+    wrong = one.misfit.significance > 2.0 and (
         one.residual.left > LACK or not one.beliefs.patch)
-    return (sharp_error or one.fit.scatter > 2.0 * one.beliefs.gain
+    return (wrong or one.fit.scatter > 2.0 * one.beliefs.gain
             or one.misfit.hidden > SHOWN)
 
 
@@ -302,7 +302,7 @@ def search(pad: Pad, readings: Readings, scatter: float,
         if explains or not (free if power else known):
             continue
         other = _search_robust(pad, readings, scatter, guess, kinds, power, nothing)
-        if power and known and not refused and other.fit.evidence <= one.fit.evidence:
+        if power and not refused and other.fit.evidence <= one.fit.evidence:
             continue
         one = other
         why = refusal(pad, readings, one) | SKIN_MISMATCH * (power and known)

@@ -63,7 +63,7 @@ class Residual(NamedTuple):
     rms: float  # RMS error [standard deviations of the noise]
     left: float  # RMS residual beyond noise, relative to the RMS pressure
     extrapolated: float  # share of the pressure that is above full scale
-    silent: int  # number of tactels that read nothing under a clear load
+    silent: int  # number of dead tactels: they read nothing under a clear load
 
 
 class Misfit(NamedTuple):

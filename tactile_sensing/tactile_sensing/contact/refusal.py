@@ -63,7 +63,7 @@ def is_nothing(readings: Readings, evidence: float) -> bool:
     """
     Return whether a baseline alone explains an image as well as a load of this evidence.
 
-    Like the load, it is uniform up to the highest reading.
+    Like the force of a load, it is uniform up to the highest reading, which is positive.
     """
     middle, tails, logs, information = np.nanmedian(readings.value), 0.0, 0.0, 0.0
     for t in range(readings.value.size):
@@ -72,7 +72,7 @@ def is_nothing(readings: Readings, evidence: float) -> bool:
             tails += math.log1p((readings.value[t] - middle) ** 2 / (NU * noise2))
             logs += math.log(noise2)
             information += 1.0 / noise2
-    information *= max(np.nanmax(readings.value), 1e-300) ** 2
+    information *= np.nanmax(readings.value) ** 2
     return -0.5 * ((NU + 1.0) * tails + logs + math.log(information)) > evidence
 
 
