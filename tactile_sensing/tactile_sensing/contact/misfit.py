@@ -24,6 +24,7 @@ def residual_of(fit: Fit, readings: Readings) -> Residual:
     """Return the sizes of the errors that a fit leaves."""
     noise2, silent, loudest, loud = readings.noise2, 0, 0.0, 0.0
     squared = kept = lit = beyond = power = by_noise = total = above = 0.0
+    least = LOADED * fit.model.max()
     for t in range(fit.model.size):
         total += max(fit.model[t], 0.0)
         above += max(fit.model[t] - readings.full[t], 0.0)
@@ -37,7 +38,7 @@ def residual_of(fit: Fit, readings: Readings) -> Residual:
             if ratio < LOUD ** 2:
                 beyond += fit.error[t] ** 2 - noise2[t]
             else:
-                loud += 1.0
+                loud += abs(fit.error[t]) > least
         elif fit.kept[t]:  # a dead tactel is no error of the model
             silent, kept, loud = silent + 1, kept + 1.0, loud + 1.0
     free = max(lit - fit.rows.shape[0], 1.0)

@@ -58,7 +58,7 @@ class Residual(NamedTuple):
     """Sizes of the errors that a fitted load leaves."""
 
     loudest: float  # largest error of a tactel [standard deviations]
-    loud: float  # share of the tactels with an error that is too large for noise
+    loud: float  # share of the tactels with an error too large for noise and small misfit
     excess: float  # chi-square of the loaded tactels less its expectation [standard deviations]
     rms: float  # RMS error [standard deviations of the noise]
     left: float  # RMS residual beyond noise, relative to the RMS pressure

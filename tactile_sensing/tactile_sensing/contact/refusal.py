@@ -7,7 +7,7 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_sensing.contact.errors import NU
 from tactile_sensing.contact.records import Hypothesis, Readings
-from tactile_sensing.skin.bumps import chord, loaded_chord, Pad, POINT, Q0, Q1
+from tactile_sensing.skin.bumps import chord, loaded_chord, Pad, POINT, Q0, Q1, WIDTH
 from tactile_sensing.types.contact import Reason
 
 BAD_FIT, NO_CONTACT, OFF_PAD = int(Reason.BAD_FIT), int(Reason.NO_CONTACT), int(Reason.OFF_PAD)
@@ -20,8 +20,9 @@ NOISY = 0.1  # a larger share of tactels beyond noise is not explained by broken
 DRIFTED, PLAIN = 20.0, 8.0
 # Height of a second hill: share of the first. Its rise: share of its height, multiple of noise.
 HILL, SADDLE, RISE = 0.2, 0.3, 6.0
-APART = 0.05  # a higher unexplained pressure away from the load is a second load [of its peak]
+APART = 0.055  # a higher unexplained pressure away from the load is a second load [of its peak]
 SHORTEST = 3.0  # shortest line on the pad [pitches]
+ROUNDING = 1e-9  # a parameter that is nearer to its bound is at it
 
 
 @njit(error_model='numpy')
@@ -89,11 +90,18 @@ def _presses(pad: Pad, readings: Readings) -> bool:
 
 @njit(error_model='numpy')
 def _bad_fit(pad: Pad, readings: Readings, one: Hypothesis) -> int:
-    """Return BAD_FIT if a residual is too large, with TWO_CONTACTS if the image has two hills."""
-    wrong = one.misfit.apart > APART or one.residual.loud > NOISY or (
-        (one.fit.weight > 0.0).sum() <= one.beliefs.active.size)  # too few readings for a test
-    for significance, share in WRONG:
-        wrong |= one.misfit.significance > significance and one.residual.left > share
+    """
+    Return BAD_FIT if a residual is too large, with TWO_CONTACTS if the image has two hills.
+
+    A bump of free shape that is as wide as its bound may be anything broad: its residual counts as
+    significant.
+    """
+    significance = one.misfit.significance
+    if one.beliefs.power and one.fit.theta[WIDTH] > one.beliefs.high[WIDTH] - ROUNDING:
+        significance = np.inf
+    wrong = one.misfit.apart > APART or one.residual.loud > NOISY
+    for least, share in WRONG:
+        wrong |= significance > least and one.residual.left > share
     if not wrong:
         return 0
     size = pad.x.size * pad.y.size
