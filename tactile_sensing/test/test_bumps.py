@@ -72,6 +72,20 @@ def test_a_line_with_far_ends_has_none_and_two_parts_are_one(thickness, patch):
     np.testing.assert_allclose(part(-1.0, 1e-3) + part(1e-3, 1.0), part(-1.0, 1.0), rtol=1e-9)
 
 
+@pytest.mark.parametrize('seed', range(3))
+def test_a_tapered_line_is_a_row_of_points(seed):
+    pad, theta = pad_of(ARRAY, ONE, area=False), loaded(LINE, seed=seed, TAPER=2.0, SHEAR_U=0.0)
+    model, _ = rows(LINE, False, pad, theta)
+    half = np.hypot(pad.half_x, pad.half_y)
+    along = np.linspace(-0.1, 0.1, 2001)
+    forces = (theta[FORCE] + theta[bumps.TAPER] * along / half) * (along[1] - along[0])
+    cos, sin = np.cos(theta[Q1]), np.sin(theta[Q1])
+    true = sum(point.stress('zz', ARRAY.x, ARRAY.y[:, None], theta[Q0] * cos - s * sin,
+                            theta[Q0] * sin + s * cos, force, 0.0, 0.0, DEPTH)
+               for s, force in zip(along, forces, strict=True))
+    assert np.abs(model.reshape(ARRAY.shape) - true).max() < 1e-3 * true.max()
+
+
 @pytest.mark.parametrize('seed', range(4))
 @pytest.mark.parametrize('kind, power, layers, ends', [
     (POINT, False, ONE, False), (POINT, False, TWO, False), (POINT, False, SHEARED, False),
@@ -86,10 +100,12 @@ def test_derivatives_are_differences(kind, power, layers, ends, seed):
         extra |= {'WIDTH': 0.15}
     if ends:
         extra |= {'BEGIN': -4e-3, 'END': 5e-3}
+    if kind == LINE:
+        extra |= {'TAPER': 1.7}
     theta = loaded(kind, len(layers), seed, **extra)
     model, by = rows(kind, power, pad, theta, ends=ends)
-    active = [*SHARP, WIDTH, *[bumps.EXPONENT] * power, *[bumps.BEGIN, bumps.END] * ends,
-              *[bumps.SHEAR_V] * (kind == POINT)]
+    active = [*SHARP, bumps.SHEAR_V, WIDTH, *[bumps.EXPONENT] * power,
+              *[bumps.BEGIN, bumps.END] * ends]
     for parameter in active:
         step = np.zeros(theta.size)
         step[parameter] = STEPS.get(parameter, 1e-3)

@@ -131,6 +131,50 @@ def ending_edges(rng, count=COUNT):
     return truth, frames
 
 
+def tapered(rng, count, taper):
+    """
+    Return truth and images of edges that press harder on one side: rows of points.
+
+    Their force per length falls to zero and changes by `taper` from the middle over half a side.
+    """
+    half, spacing = ARRAY.half_width_x, 1e-4
+    along = np.arange(-0.025, 0.025, spacing)
+    load = 200.0 * np.maximum(1.0 + taper * along / half, 0.0)
+    offset, yaw = rng.uniform(-5e-3, 5e-3, count), rng.uniform(-0.5, 0.5, count) * np.pi
+    frames, force = np.zeros((count, *ARRAY.shape)), np.empty(count)
+    for k, frame in enumerate(frames):
+        x = offset[k] * np.cos(yaw[k]) - along * np.sin(yaw[k])
+        y = offset[k] * np.sin(yaw[k]) + along * np.cos(yaw[k])
+        for place in zip(x, y, spacing * load, strict=True):
+            add_point(frame, ARRAY.x, ARRAY.y, DEPTH, *place)
+        force[k] = spacing * load[np.maximum(np.abs(x), np.abs(y)) < half].sum()
+    return {'offset': offset, 'yaw': yaw, 'normal_force': force}, frames
+
+
+@pytest.mark.parametrize('taper', [-0.8, -0.3, 0.1, 0.5])
+@pytest.mark.parametrize('depth', [DEPTH, 0.0])
+def test_an_edge_that_presses_harder_on_one_side(depth, taper):
+    rng = np.random.default_rng(34)
+    truth, frames = tapered(rng, 100, taper)
+    noise = 0.01 * frames.max()
+    found = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
+        frames + noise * rng.standard_normal(frames.shape), ARRAY,
+        [Layer('zz', depth, None, noise_std=noise)])
+    assert (found['valid'] & (found['type'] == ContactType.LINE)).mean() > 0.97
+    assert np.sqrt(np.nanmean((found['x'] * np.cos(truth['yaw']) + found['y'] * np.sin(
+        truth['yaw']) - truth['offset'])**2)) < 5e-5
+    turned = np.remainder(found['yaw'] - truth['yaw'] + 0.5 * np.pi, np.pi) - 0.5 * np.pi
+    found['yaw'] = truth['yaw'] + turned
+    if depth == 0.0:
+        del truth['normal_force']
+    assert over_claims(found, truth) < HONEST
+    if depth > 0.0:
+        ok = found['force_valid']
+        assert ok.mean() > 0.9
+        off = found['normal_force'][ok] / truth['normal_force'][ok] - 1.0
+        assert np.sqrt(np.mean(off**2)) < 0.02
+
+
 def test_an_edge_that_ends_on_the_pad():
     rng = np.random.default_rng(32)
     truth, frames = ending_edges(rng)

@@ -30,6 +30,7 @@ from tactile_sensing.skin.bumps import (
     Q1,
     SHEAR_U,
     SHEAR_V,
+    TAPER,
     WIDTH,
 )
 from tactile_sensing.types.contact import ContactType, Reason, ROW
@@ -113,9 +114,11 @@ def _write_line(pad: Pad, theta: np.ndarray, ends: bool, values: np.ndarray,
 
     The line's place is the middle of its loaded part on the pad; its forces are those on the pad.
     """
-    rho, yaw, force, shear = theta[Q0], theta[Q1], theta[FORCE], theta[SHEAR_U]
+    rho, yaw, shear = theta[Q0], theta[Q1], theta[SHEAR_U]
     first, last, by_length = loaded_chord(pad, theta, ends)
     middle, length = 0.5 * (first + last), last - first
+    grown = middle / math.hypot(pad.half_x, pad.half_y)
+    force = theta[FORCE] + theta[TAPER] * grown
     cos, sin = math.cos(yaw), math.sin(yaw)
     turns = math.ceil(yaw / math.pi - 0.5)
     values[X], values[Y] = rho * cos - middle * sin, rho * sin + middle * cos
@@ -125,7 +128,8 @@ def _write_line(pad: Pad, theta: np.ndarray, ends: bool, values: np.ndarray,
     change[X, Q0], change[X, Q1] = cos, cos * middle
     change[Y, Q0], change[Y, Q1] = sin, sin * middle
     change[YAW, Q1] = change[PER_LENGTH, FORCE] = 1.0
-    change[NORMAL, FORCE] = length
+    change[PER_LENGTH, TAPER] = grown
+    change[NORMAL, FORCE], change[NORMAL, TAPER] = length, length * grown
     change[SHEAR_X, SHEAR_U], change[SHEAR_Y, SHEAR_U] = length * cos, length * sin
     for k, parameter in enumerate((Q0, Q1, BEGIN, END)):
         change[NORMAL, parameter] = force * by_length[k]

@@ -25,7 +25,7 @@ from tactile_sensing.skin.kernel import MAX_VARIANCE
 HALF_SPACE = 2.5  # exponent of a point's bump on a half-space
 SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P: known skin, unknown skin
 SCATTER = 0.05  # assumed scatter of unknown gains
-POWER, ENDS, ROBUST, PATCH, BASELINE = 1, 2, 4, 8, 16  # options, see `Beliefs`
+POWER, ENDS, ROBUST, PATCH, BASELINE, TAPERED = 1, 2, 4, 8, 16, 32  # options, see `Beliefs`
 FEW_END = 3.0  # log odds of a line that crosses the pad against one that ends on it
 UNSEEN = 0.0, 0.05  # d where the residual does not show it: sharp load on a known skin, others
 
@@ -48,7 +48,7 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
     mean, information, step = np.zeros(count), np.zeros(count), np.ones(count)
     low, high, fitted = np.full(count, -np.inf), np.full(count, np.inf), np.zeros(count, np.bool_)
     fitted[Q0] = fitted[Q1] = fitted[FORCE] = fitted[SHEAR_U] = True
-    fitted[SHEAR_V] = kind == POINT
+    fitted[SHEAR_V] = kind == POINT or options & TAPERED > 0  # that of a line is its taper
     reach = math.hypot(pad.half_x, pad.half_y)
     information[Q0] = reach ** -2
     step[Q0] = step[Q1] = step[BEGIN] = step[END] = 0.6 * pad.pitch

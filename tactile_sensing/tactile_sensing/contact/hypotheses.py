@@ -26,9 +26,10 @@ from tactile_sensing.contact.beliefs import (
     PATCH,
     POWER,
     ROBUST,
+    TAPERED,
 )
 from tactile_sensing.contact.fit import fit_load, unfitted
-from tactile_sensing.contact.misfit import judge, LOUD, residual_of
+from tactile_sensing.contact.misfit import judge, LOUD, residual_of, shows_taper
 from tactile_sensing.contact.records import Beliefs, Hypothesis, Misfit, Readings, Residual
 from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, is_nothing, OFF_PAD, refusal
 from tactile_sensing.skin.bumps import (
@@ -36,7 +37,6 @@ from tactile_sensing.skin.bumps import (
     BEGIN,
     END,
     EXPONENT,
-    FORCE,
     LINE,
     Pad,
     POINT,
@@ -130,9 +130,19 @@ def _cold_start(kind: int, power: bool, guess: Guess, count: int) -> np.ndarray:
 # Functions that call a fit are inlined: otherwise numba optimises the fit again for each caller.
 # For the same reason a tier calls fit and `judge` at one place, and options are no literals.
 @njit(error_model='numpy', inline='always')
-def _fitted(pad: Pad, readings: Readings, beliefs: Beliefs, theta: np.ndarray) -> Hypothesis:
-    """Fit one hypothesis; `_judged` adds its misfit and covariance."""
-    fit = fit_load(pad, readings, beliefs, theta)
+def _fitted(pad: Pad, readings: Readings, scatter: float, kind: int, options: int,
+            theta: np.ndarray) -> Hypothesis:
+    """
+    Fit one hypothesis; `_judged` adds its misfit and covariance.
+
+    A line whose residual shows a taper is fitted again with it.
+    """
+    for tapered in (0, TAPERED):
+        beliefs = beliefs_of(pad, scatter, kind, options | tapered)
+        fit = fit_load(pad, readings, beliefs, theta)
+        if kind == POINT or options & TAPERED or tapered or not shows_taper(fit):
+            break
+        theta = fit.theta
     return Hypothesis(beliefs, fit, residual_of(fit, readings), Misfit(0.0, 0.0, 0.0),
                       np.zeros((0, 0)))
 
@@ -175,11 +185,10 @@ def _search_sharp(pad: Pad, readings: Readings, scatter: float, guess: Guess,
     for kind in kinds:
         sharp = _cold_start(kind, False, guess, BASE + pad.depths.size)
         for extra in range(3):  # nothing, a patch, a baseline
-            beliefs = beliefs_of(
-                pad, scatter, kind, PATCH * (extra == 1) + BASELINE * (extra == 2))
             theta = sharp.copy()
-            theta[WIDTH] = FIRST_PATCH * beliefs.patch
-            one = _fitted(pad, readings, beliefs, theta)
+            theta[WIDTH] = FIRST_PATCH * (extra == 1)
+            one = _fitted(pad, readings, scatter, kind,
+                          PATCH * (extra == 1) + BASELINE * (extra == 2), theta)
             if _is_noise(one):
                 one = _judged(pad, readings, one)
                 if one.misfit.significance < DOUBT and one.misfit.hidden < SHOWN:
@@ -207,13 +216,10 @@ def _unexplained(one: Hypothesis) -> bool:
 
 
 @njit(error_model='numpy')
-def _with_ends(line: Hypothesis, guess: Guess) -> np.ndarray:
-    """Return a cold start for a line with ends, from the fitted line without."""
-    theta = line.fit.theta.copy()
-    middle = guess.y * math.cos(theta[Q1]) - guess.x * math.sin(theta[Q1])
+def _add_ends(theta: np.ndarray, guess: Guess) -> None:
+    """Write the ends of a line of a first guess."""
+    middle = guess.y * math.cos(guess.across) - guess.x * math.sin(guess.across)
     theta[BEGIN], theta[END] = middle - 1.6 * guess.length, middle + 1.6 * guess.length
-    theta[FORCE] = 0.0
-    return theta
 
 
 @njit(error_model='numpy', inline='always')
@@ -235,16 +241,17 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
         if step == 1:
             if line.fit.evidence == -np.inf or not _unexplained(best):
                 break
-            kind, ends, theta = LINE, True, _with_ends(line, guess)
+            kind, ends = LINE, True
+            theta = _cold_start(kind, power, guess, BASE + pad.depths.size)
+            _add_ends(theta, guess)
         elif step >= 0:
             if not best.misfit.hidden > SHOWN or step == 2 and not best.beliefs.ends:
                 continue
             kind, ends, patch = best.beliefs.kind, best.beliefs.ends, True
             theta = best.fit.theta.copy()
             theta[WIDTH] = FIRST_PATCH
-        one = _fitted(pad, readings, beliefs_of(
-            pad, scatter, kind, ROBUST + BASELINE + POWER * power + ENDS * ends + PATCH * patch),
-            theta)
+        one = _fitted(pad, readings, scatter, kind,
+                      ROBUST + BASELINE + POWER * power + ENDS * ends + PATCH * patch, theta)
         if step < 0 and kind == LINE:
             line = one
         if one.fit.evidence > best.fit.evidence:

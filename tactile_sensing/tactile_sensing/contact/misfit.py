@@ -7,7 +7,7 @@ import numpy as np
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.errors import SANDWICH
 from tactile_sensing.contact.records import Beliefs, Fit, Misfit, Readings, Residual
-from tactile_sensing.skin.bumps import FORCE, LINE, Pad, Q0, Q1, WIDTH
+from tactile_sensing.skin.bumps import FORCE, LINE, Pad, Q0, Q1, TAPER, WIDTH
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 
 LOADED = 0.02  # share of the peak from which a tactel is examined for an error of the model
@@ -17,6 +17,7 @@ AWAY = 0.1  # share of the peak below which a tactel is away from the load
 HALF_WIDTH = 0.64  # half width at half height of a line on a half-space [depths]
 PATCHES = 90  # integration steps over the variance of a patch
 BINS = 4  # per correlation length, across a line
+SHOWN = 4.0  # a taper of more standard deviations is fitted
 
 
 @njit(error_model='numpy')
@@ -193,14 +194,14 @@ def _by_gains(fit: Fit, beliefs: Beliefs) -> np.ndarray:
 
 
 @njit(error_model='numpy')
-def _hidden_patch(fit: Fit, covariance: np.ndarray) -> float:
+def _one_more(fit: Fit, by: np.ndarray) -> tuple[float, float, np.ndarray]:
     """
-    Return the probability that a sharp load has a patch; add its effect to the covariance.
+    Estimate a parameter that was not fitted from the residual, with derivatives `by` (tactels,).
 
-    Prior of the variance of the patch: 0 with probability 1/2, else uniform up to MAX_VARIANCE.
+    Returns its value, its standard deviation (0 if it is not determined), and the changes of the
+    fitted parameters with it, shape (n,).
     """
-    n, by = fit.rows.shape[0], fit.by[WIDTH]
-    weighted = fit.weight * by
+    n, weighted = fit.rows.shape[0], fit.weight * by
     coupled, slope, right, own = np.zeros(n), np.zeros(n), 0.0, 0.0
     for t in range(by.size):
         own += weighted[t] * by[t]
@@ -213,16 +214,35 @@ def _hidden_patch(fit: Fit, covariance: np.ndarray) -> float:
             slope[i] -= fit.inverse[i, j] * coupled[j]
         own += slope[i] * coupled[i]
     if not own > 0.0:
+        return 0.0, 0.0, slope
+    return right / own, 1.0 / math.sqrt(own), slope
+
+
+@njit(error_model='numpy')
+def shows_taper(fit: Fit) -> bool:
+    """Return whether the residual of a line shows that its force grows along it."""
+    mean, deviation, _ = _one_more(fit, fit.by[TAPER])
+    return abs(mean) > max(SHOWN * deviation, ALLOWED * fit.theta[FORCE])
+
+
+@njit(error_model='numpy')
+def _hidden_patch(fit: Fit, covariance: np.ndarray) -> float:
+    """
+    Return the probability that a sharp load has a patch; add its effect to the covariance.
+
+    Prior of the variance of the patch: 0 with probability 1/2, else uniform up to MAX_VARIANCE.
+    """
+    mean, deviation, slope = _one_more(fit, fit.by[WIDTH])
+    if deviation == 0.0:
         return 0.0
-    mean, deviation = right / own, 1.0 / math.sqrt(own)
     total = squared = 0.0
     for i in range(PATCHES):
         variance = MAX_VARIANCE * (i + 0.5) / PATCHES
         likely = math.exp(min(0.5 * (mean ** 2 - (variance - mean) ** 2) / deviation ** 2, 600.0))
         total += likely / PATCHES
         squared += likely * variance * variance / PATCHES
-    for i in range(n):
-        for j in range(n):
+    for i in range(slope.size):
+        for j in range(slope.size):
             covariance[i, j] += squared / (1.0 + total) * slope[i] * slope[j]
     return total / (1.0 + total)
 

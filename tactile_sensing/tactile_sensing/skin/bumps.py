@@ -2,11 +2,12 @@
 Image of a load on an array, and its derivatives by the parameters of the load; compiled.
 
 A *bump* is the pressure P f(s) + (Q . offset) g(s), where s is the squared distance from a point
-or a line. On a known skin, f and g are the polynomials of `skin.kernel`; the only unknown of
-their shape is the variance of the load's patch. On an unknown skin, f = (1 + s / w^2)^-n (line:
-n - 1/2) and g = f / w. This is exact for a half-space, with w the depth and n = 5/2. The half
-width at half height and the exponent n are then unknowns. They cover depth, bone, bluntness and
-the area of the tactels together.
+or a line. The force P of a line may grow linearly along it; near its ends this is approximate. On
+a known skin, f and g are the polynomials of `skin.kernel`; the only unknown of their shape is the
+variance of the load's patch. On an unknown skin, f = (1 + s / w^2)^-n (line: n - 1/2) and
+g = f / w. This is exact for a half-space, with w the depth and n = 5/2. The half width at half
+height and the exponent n are then unknowns. They cover depth, bone, bluntness and the area of the
+tactels together.
 """
 
 import math
@@ -21,9 +22,11 @@ POINT, LINE = 1, 2
 # Parameters of a load. Q0, Q1: x, y of a point [m]; rho [m], yaw [rad] of a line. BEGIN, END:
 # ends of a line, along it from the foot of the origin [m]. WIDTH: variance of the patch
 # [depths^2] on a known skin, else log of the half width [m]. EXPONENT: log n. FORCE, SHEAR_U,
-# SHEAR_V: [N] of a point, [N/m] of a line; SHEAR_U of a line is the shear across it. BASE:
-# baseline of the first layer; those of the other layers follow.
+# SHEAR_V: [N] of a point, [N/m] of a line; SHEAR_U of a line is the shear across it. TAPER, in
+# the place of SHEAR_V: growth of the force of a line, along it from the foot of the origin, over
+# half the diagonal of the pad [N/m]. BASE: baseline of the first layer; the others follow.
 Q0, Q1, BEGIN, END, WIDTH, EXPONENT, FORCE, SHEAR_U, SHEAR_V, BASE = range(10)
+TAPER = SHEAR_V
 BEYOND = 8.0  # a line is invisible from this distance outside the pad [depths]
 LOG2 = math.log(2.0)
 
@@ -70,9 +73,9 @@ def loaded_chord(pad: Pad, theta: np.ndarray, ends: bool) -> tuple[float, float,
 
 # Rows of the work array of one node: U, V distances from the load; ALONG the line; S squared
 # distance; f and g, their derivatives by s, by WIDTH (log w), by n; T; derivatives by BEGIN and
-# END; temporary values.
+# END; temporary values; GROWS: ALONG in half diagonals of the pad, 0 for a point.
 U, V, ALONG, S, F, G, FS, GS, FW, GW, FN, GN, T, F0, G0, F1, G1 = range(17)
-FIRST, LAST, AT_FIRST, AT_LAST, POWER, SCRATCH = 17, 18, 19, 20, 21, 22
+FIRST, LAST, AT_FIRST, AT_LAST, POWER, GROWS, SCRATCH = 17, 18, 19, 20, 21, 22, 23
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -208,7 +211,7 @@ def _end_skin(part: np.ndarray, tip: np.ndarray, tip_slope: np.ndarray, centre: 
     They are integrals of a point's bump along the line. Integration by parts gives a recursion
     over the powers of t = c^2 / (u^2 + w^2 + c^2).
     """
-    part[F:] = 0.0
+    part[F:GROWS] = 0.0
     for i in range(part.shape[1]):
         low, high = begin - part[ALONG, i], end - part[ALONG, i]
         part[F0, i], part[G0, i] = _value(tip, centre, part[S, i] + low * low)
@@ -246,14 +249,14 @@ def _end_skin(part: np.ndarray, tip: np.ndarray, tip_slope: np.ndarray, centre: 
 
 @njit(error_model='numpy', fastmath=FAST)
 def _accumulate(part: np.ndarray, line: bool, ends: bool, lever: np.ndarray, turned: float,
-                node: float, theta: np.ndarray, turn: float, n: float, by: np.ndarray,
-                model: np.ndarray) -> None:
+                node: float, theta: np.ndarray, turn: float, n: float, half: float,
+                by: np.ndarray, model: np.ndarray) -> None:
     """Add the contribution of a quadrature node to the image and its derivatives."""
-    force, shear_u, shear_v = theta[FORCE], theta[SHEAR_U], theta[SHEAR_V]
+    shear_u, shear_v = theta[SHEAR_U], theta[SHEAR_V]
     rho, gz, gx, gy = theta[Q0], lever[0], lever[1], lever[2]
     for i in range(part.shape[1]):
         u, v = part[U, i], part[V, i]
-        share = node * (gz + gx * u + gy * v)
+        share, force = node * (gz + gx * u + gy * v), theta[FORCE] + theta[TAPER] * part[GROWS, i]
         across = shear_u * u + shear_v * v
         common = 2.0 * (force * part[FS, i] + across * part[GS, i])
         value = force * part[F, i] + across * part[G, i]
@@ -263,13 +266,16 @@ def _accumulate(part: np.ndarray, line: bool, ends: bool, lever: np.ndarray, tur
         if line:
             by[Q1, i] += by_u * part[ALONG, i] + node * turned * u * value
             by[Q1, i] += node * gx * value * part[ALONG, i]
+            by[Q1, i] -= share * part[F, i] * theta[TAPER] * (u + rho) / half
+            by[TAPER, i] += share * part[F, i] * part[GROWS, i]
         else:
             by[Q1, i] -= share * (common * v + shear_v * part[G, i]) + node * gy * value
+            by[SHEAR_V, i] += share * part[G, i] * v
         by[FORCE, i] += share * part[F, i]
         by[SHEAR_U, i] += share * part[G, i] * u
-        by[SHEAR_V, i] += share * part[G, i] * v
     for i in range(part.shape[1]):
         share = node * (gz + gx * part[U, i] + gy * part[V, i])
+        force = theta[FORCE] + theta[TAPER] * part[GROWS, i]
         across = shear_u * part[U, i] + shear_v * part[V, i]
         by_w = force * part[FW, i] + across * part[GW, i]
         by_n = force * part[FN, i] + across * part[GN, i]
@@ -279,6 +285,7 @@ def _accumulate(part: np.ndarray, line: bool, ends: bool, lever: np.ndarray, tur
         for i in range(part.shape[1]):
             across = shear_u * part[U, i]
             share = node * (gz + gx * part[U, i])
+            force = theta[FORCE] + theta[TAPER] * part[GROWS, i]
             first = share * (force * part[F0, i] + across * part[G0, i])
             last = share * (force * part[F1, i] + across * part[G1, i])
             by[Q1, i] += (first + last) * (part[U, i] + rho)
@@ -315,7 +322,7 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
     part = np.zeros((SCRATCH, size))
     shape, slope = np.empty((2, DEGREE + 1)), np.empty((2, DEGREE + 1))
     tip, tip_slope = np.empty((2, DEGREE + 1)), np.empty((2, DEGREE + 1))
-    line = kind == LINE
+    line, half = kind == LINE, math.hypot(pad.half_x, pad.half_y)
     cos, sin, w, n, turn = 1.0, 0.0, 1.0, 1.0, 0.0
     if line:
         cos, sin = math.cos(theta[Q1]), math.sin(theta[Q1])
@@ -326,8 +333,7 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
         turn = 0.5 * two * LOG2 / (n * (two - 1.0))  # d(log w) / d(log n)
     for k in range(pad.depths.size):
         depth = pad.depths[k]
-        centre, reach = (CENTRE * depth) ** 2, BEYOND * depth + math.hypot(
-            pad.half_x, pad.half_y)
+        centre, reach = (CENTRE * depth) ** 2, BEYOND * depth + half
         begin, end = max(theta[BEGIN], -reach), min(theta[END], reach)
         if not power:
             ratio = (pad.depths[0] / depth) ** 2  # all layers have the same patch
@@ -353,6 +359,7 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
                     if line:
                         part[U, i] = x * cos + y * sin - theta[Q0]
                         part[ALONG, i] = y * cos - x * sin
+                        part[GROWS, i] = part[ALONG, i] / half
                     else:
                         part[U, i], part[V, i] = x - theta[Q0], y - theta[Q1]
                     part[S, i] = part[U, i] ** 2 + part[V, i] ** 2
@@ -364,5 +371,5 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
                     _end_power(part, w, theta[BEGIN], theta[END])
             else:
                 _skin_bumps(part, shape, slope, centre, wide)
-            _accumulate(part, line, ends, lever, turned, node, theta, turn, n, by[:, here],
+            _accumulate(part, line, ends, lever, turned, node, theta, turn, n, half, by[:, here],
                         model[here])
