@@ -7,6 +7,7 @@ benchmarks/results/golden.json. The default of FOLDER is the environment variabl
 """
 
 import argparse
+from itertools import chain
 import json
 import os
 from pathlib import Path
@@ -17,6 +18,7 @@ import numpy as np
 
 from benchmarks.contact import golden_score
 from benchmarks.contact.golden_sets import all_sets, made
+from benchmarks.contact.real_sets import real_sets
 from benchmarks.harness import as_json, finite, ROOT
 
 SEED = 26
@@ -52,18 +54,19 @@ def load(folder: Path, name: str, share: float = 1.0) -> dict:
 
 def make(arguments):
     """Write the sets."""
-    total = 0
-    for name, (count, maker) in all_sets(arguments.folder).items():
-        if not wanted(name, arguments.sets):
-            continue
-        begin = time.process_time()
-        arrays = made(name, max(2, round(arguments.share * count)), maker, arguments.seed)
+    drawn = ((name, made(name, max(2, round(arguments.share * count)), maker, arguments.seed))
+             for name, (count, maker) in all_sets(arguments.folder).items()
+             if wanted(name, arguments.sets))
+    real = real_sets(arguments.recordings) if arguments.recordings else ()
+    total, begin = 0, time.process_time()
+    for name, arrays in chain(drawn, real):
         file = arguments.folder / f'{name}.npz'
         file.parent.mkdir(parents=True, exist_ok=True)
         np.savez(file, **arrays)
         total += len(arrays['frames'])
-        print(f'{name} {len(arrays["frames"])} {time.process_time() - begin:.1f} s', flush=True)
-    print(f'{total} pictures')
+        spent, begin = time.process_time() - begin, time.process_time()
+        print(f'{name} {len(arrays["frames"])} {spent:.1f} s', flush=True)
+    print(f'{total} images')
 
 
 def score(arguments):
@@ -118,6 +121,8 @@ def main(argv: list[str]):
         part.add_argument('--sets', default='', help='prefixes of names, comma separated')
         if command is make:
             part.add_argument('--seed', type=int, default=SEED)
+            part.add_argument('--recordings', type=Path,
+                              help='folder of real recordings, see real_sets.py')
         else:
             part.add_argument('--untold', action='store_true', help='tell pitch and noise alone')
             part.add_argument('--both', action='store_true', help='told and untold')

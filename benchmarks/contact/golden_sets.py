@@ -181,8 +181,8 @@ class Skins:
         return packed(clean + NOISE * rng.standard_normal(clean.shape), pad, NOISE, 'other',
                       **self.known(backing))
 
-    def short(self, rng, count, picture, pad, backing):
-        """Return edges that end on the pad, 40 dB."""
+    def uneven(self, rng, count, picture, pad, backing):
+        """Return edges that end on the pad, or press harder on one side, 40 dB."""
         point, _ = self.superposed(pad, backing)
         frames, places = zip(*[picture(pad, point, rng) for _ in range(count)], strict=True)
         frames, (x, y, rho, yaw) = np.array(frames), np.array(places).T
@@ -269,9 +269,11 @@ def _other_sets(skins):
             for scene in pictures.SCENES:
                 yield f'reject/{scene}-{bone}-{name[:2]}', 150, partial(
                     skins.scene, name=scene, pad=pad, backing=bone)
-            for label, picture in (('blade', pictures.blade), ('end', pictures.edge_end)):
-                yield f'short/{label}-{bone}-{name[:2]}', 200, partial(
-                    skins.short, picture=picture, pad=pad, backing=bone)
+            for label, picture in (('short/blade', pictures.blade),
+                                   ('short/end', pictures.edge_end),
+                                   ('uneven/edge', pictures.tapered)):
+                yield f'{label}-{bone}-{name[:2]}', 200, partial(
+                    skins.uneven, picture=picture, pad=pad, backing=bone)
     yield 'dome/point', 300, dome
 
 
