@@ -131,22 +131,22 @@ def ending_edges(rng, count=COUNT):
     return truth, frames
 
 
-def tapered(rng, count, taper):
+def tapered(rng, count, taper, array=ARRAY, depth=DEPTH):
     """
     Return truth and images of edges that press harder on one side: rows of points.
 
     Their force per length falls to zero and changes by `taper` from the middle over half a side.
     """
-    half, spacing = ARRAY.half_width_x, 1e-4
+    half, spacing = array.half_width_x, 1e-4
     along = np.arange(-0.025, 0.025, spacing)
     load = 200.0 * np.maximum(1.0 + taper * along / half, 0.0)
-    offset, yaw = rng.uniform(-5e-3, 5e-3, count), rng.uniform(-0.5, 0.5, count) * np.pi
-    frames, force = np.zeros((count, *ARRAY.shape)), np.empty(count)
+    offset, yaw = rng.uniform(-0.4, 0.4, count) * half, rng.uniform(-0.5, 0.5, count) * np.pi
+    frames, force = np.zeros((count, *array.shape)), np.empty(count)
     for k, frame in enumerate(frames):
         x = offset[k] * np.cos(yaw[k]) - along * np.sin(yaw[k])
         y = offset[k] * np.sin(yaw[k]) + along * np.cos(yaw[k])
         for place in zip(x, y, spacing * load, strict=True):
-            add_point(frame, ARRAY.x, ARRAY.y, DEPTH, *place)
+            add_point(frame, array.x, array.y, depth, *place)
         force[k] = spacing * load[np.maximum(np.abs(x), np.abs(y)) < half].sum()
     return {'offset': offset, 'yaw': yaw, 'normal_force': force}, frames
 
@@ -173,6 +173,21 @@ def test_an_edge_that_presses_harder_on_one_side(depth, taper):
         assert ok.mean() > 0.9
         off = found['normal_force'][ok] / truth['normal_force'][ok] - 1.0
         assert np.sqrt(np.mean(off**2)) < 0.02
+
+
+@pytest.mark.parametrize('noise', [0.005, 0.03])
+def test_an_edge_that_presses_harder_on_one_side_of_a_small_pad(noise):
+    rng, array = np.random.default_rng(35), TactelArray(5, 5, 3.55e-3, 3.55e-3)
+    truth, frames = tapered(rng, 100, 0.4, array, 3e-3)
+    noise *= frames.max()
+    found = ContactEstimator().estimate_batch(
+        frames + noise * rng.standard_normal(frames.shape), array,
+        [Layer('zz', 0.0, None, noise_std=noise)])
+    assert (found['valid'] & (found['type'] == ContactType.LINE)).mean() > 0.9
+    turned = np.remainder(found['yaw'] - truth['yaw'] + 0.5 * np.pi, np.pi) - 0.5 * np.pi
+    found['yaw'] = truth['yaw'] + turned
+    del truth['normal_force']
+    assert over_claims(found, truth) < HONEST
 
 
 def test_an_edge_that_ends_on_the_pad():

@@ -31,9 +31,11 @@ from tactile_sensing.skin.bumps import (
     add_rows,
     BASE,
     FORCE,
+    LINE,
     Pad,
     SHEAR_U,
     SHEAR_V,
+    TAPER,
     WIDTH,
 )
 
@@ -41,6 +43,7 @@ STEPS = 8, 12  # largest number of steps: Gaussian, robust
 ANNEALED, COOLING = 5, 0.3  # steps with inflated variance; factor of its root at each step
 PINNED = 1e12  # factor of the information of a parameter at its bound
 SETTLED = 0.1  # converged if the last step moved no parameter by more [standard deviations]
+TAPERS = 0.5  # standard deviation of taper / force of a line
 DRIFT = 0.05, 20.0  # prior of the baseline: share of the peak, multiple of the noise
 CONTRADICTED = 3.0  # a bounded reading that is off by more is an ordinary error [std. deviations]
 BROAD = 1.2  # from this half width on tactels are sampled at their centre [pitches]
@@ -68,11 +71,13 @@ def _model(fit: Fit, pad: Pad, beliefs: Beliefs, theta: np.ndarray, coarse: bool
 
 @njit(error_model='numpy')
 def _prior(beliefs: Beliefs, force: float, drift: float, prior: np.ndarray) -> None:
-    """Write the prior information of the active parameters; the shear's scales with `force`."""
+    """Write the prior information of the active parameters; shear and taper scale with `force`."""
     for i in range(beliefs.active.size):
         p = beliefs.active[i]
         prior[i] = beliefs.information[p]
-        if p == SHEAR_U or p == SHEAR_V:
+        if beliefs.kind == LINE and p == TAPER:
+            prior[i] = (TAPERS * force) ** -2.0
+        elif p == SHEAR_U or p == SHEAR_V:
             prior[i] = (beliefs.shear * force) ** -2.0
         elif p >= BASE:
             prior[i] = drift ** -2.0

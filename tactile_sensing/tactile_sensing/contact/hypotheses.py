@@ -135,12 +135,16 @@ def _fitted(pad: Pad, readings: Readings, scatter: float, kind: int, options: in
     """
     Fit one hypothesis; `_judged` adds its misfit and covariance.
 
-    A line whose residual shows a taper is fitted again with it.
+    A line whose residual shows a taper is fitted again with it, and kept if it is likelier.
     """
+    beliefs = beliefs_of(pad, scatter, kind, options)
+    fit = unfitted(theta, readings.noise2, beliefs.active.size)
     for tapered in (0, TAPERED):
-        beliefs = beliefs_of(pad, scatter, kind, options | tapered)
-        fit = fit_load(pad, readings, beliefs, theta)
-        if kind == POINT or options & TAPERED or tapered or not shows_taper(fit):
+        belief = beliefs_of(pad, scatter, kind, options | tapered)
+        one = fit_load(pad, readings, belief, theta)
+        if one.evidence > fit.evidence or not tapered:
+            beliefs, fit = belief, one
+        if kind == POINT or tapered or not shows_taper(fit):
             break
         theta = fit.theta
     return Hypothesis(beliefs, fit, residual_of(fit, readings), Misfit(0.0, 0.0, 0.0),

@@ -17,7 +17,7 @@ AWAY = 0.1  # share of the peak below which a tactel is away from the load
 HALF_WIDTH = 0.64  # half width at half height of a line on a half-space [depths]
 PATCHES = 90  # integration steps over the variance of a patch
 BINS = 4  # per correlation length, across a line
-SHOWN = 4.0  # a taper of more standard deviations is fitted
+SHOWN = 2.0  # a taper of more standard deviations is fitted
 
 
 @njit(error_model='numpy')
