@@ -54,10 +54,13 @@ def load(folder: Path, name: str, share: float = 1.0) -> dict:
 
 def make(arguments):
     """Write the sets."""
+    if arguments.recordings and not arguments.recordings.is_dir():
+        sys.exit(f'{arguments.recordings}: no such folder')
     drawn = ((name, made(name, max(2, round(arguments.share * count)), maker, arguments.seed))
              for name, (count, maker) in all_sets(arguments.folder).items()
              if wanted(name, arguments.sets))
-    real = real_sets(arguments.recordings) if arguments.recordings else ()
+    real = ((name, arrays) for name, arrays in real_sets(arguments.recordings)
+            if wanted(name, arguments.sets)) if arguments.recordings else ()
     total, begin = 0, time.process_time()
     for name, arrays in chain(drawn, real):
         file = arguments.folder / f'{name}.npz'
@@ -74,14 +77,14 @@ def score(arguments):
     rows = []
     for name in stored(arguments.folder, arguments.sets):
         arrays = load(arguments.folder, name, arguments.share)
-        skins = ('told', 'untold') if arguments.both else (
-            ('untold',) if arguments.untold else ('told',))
+        skins = ('known', 'unknown') if arguments.both else (
+            ('unknown',) if arguments.unknown else ('known',))
         if not np.isfinite(arrays['depth']):
-            skins = ('untold',)
+            skins = ('unknown',)
         elif len(arrays['depths']) > 1:  # the skin cannot be fitted from several layers
-            skins = ('told',)
+            skins = ('known',)
         for skin in skins:
-            answers = golden_score.answered(arrays, told=skin == 'told')
+            answers = golden_score.answered(arrays, known=skin == 'known')
             if arguments.save:
                 file = arguments.save / f'{name.replace("/", "-")}-{skin}.npz'
                 file.parent.mkdir(parents=True, exist_ok=True)
@@ -124,8 +127,8 @@ def main(argv: list[str]):
             part.add_argument('--recordings', type=Path,
                               help='folder of real recordings, see real_sets.py')
         else:
-            part.add_argument('--untold', action='store_true', help='tell pitch and noise alone')
-            part.add_argument('--both', action='store_true', help='told and untold')
+            part.add_argument('--unknown', action='store_true', help='give pitch and noise alone')
+            part.add_argument('--both', action='store_true', help='known and unknown skin')
             part.add_argument('--save', type=Path, help='folder for the answers')
     arguments = parser.parse_args(argv)
     arguments.run(arguments)

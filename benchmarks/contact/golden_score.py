@@ -37,7 +37,8 @@ class Answers(NamedTuple):
         parts = np.stack([valid, 1.0 - valid], axis=-1)
         each = nnls(_by_chunk(parts), _by_chunk(self.seconds))[0] if mixed else [
             np.nan, np.nan if valid.all() else self.seconds.mean()]
-        return {'us': 1e6 * np.median(self.seconds), 'us_refused': 1e6 * each[1]}
+        # Of too few refused images the least squares leave nothing: no time.
+        return {'us': 1e6 * np.median(self.seconds), 'us_refused': 1e6 * each[1] or np.nan}
 
 
 def _by_chunk(values):
@@ -45,20 +46,20 @@ def _by_chunk(values):
     return np.add.reduceat(values, np.arange(0, len(values), CHUNK))
 
 
-def layers_of(arrays: dict, *, told: bool) -> list:
+def layers_of(arrays: dict, *, known: bool) -> list:
     """Return the layers given to the estimator: the true skin, or only pitch and noise."""
-    known = {'full_scale': float(arrays['full_scale']), 'noise_std': float(arrays['noise'])}
-    if told:
-        known |= {'thickness': float(arrays['thickness']), 'poisson': float(arrays['poisson'])}
-    return [Layer(str(component), float(depth) if told else 0.0, np.empty(0), **known)
+    given = {'full_scale': float(arrays['full_scale']), 'noise_std': float(arrays['noise'])}
+    if known:
+        given |= {'thickness': float(arrays['thickness']), 'poisson': float(arrays['poisson'])}
+    return [Layer(str(component), float(depth) if known else 0.0, np.empty(0), **given)
             for component, depth in zip(arrays['components'], arrays['depths'], strict=True)]
 
 
-def answered(arrays: dict, *, told: bool, config=None) -> Answers:
+def answered(arrays: dict, *, known: bool, config=None) -> Answers:
     """Estimate every image of a set."""
     frames = np.asarray(arrays['frames'], float)
     array = TactelArray(*frames.shape[2:], float(arrays['pitch_x']), float(arrays['pitch_y']))
-    layers, estimator = layers_of(arrays, told=told), ContactEstimator(config)
+    layers, estimator = layers_of(arrays, known=known), ContactEstimator(config)
     estimator.estimate_batch(frames[:2], array, layers)  # compiles
     records, seconds = [], []
     for i in range(0, len(frames), CHUNK):
@@ -269,7 +270,7 @@ def families(rows: list[dict]) -> list[dict]:
 def table(rows: list[dict]) -> str:
     """Return a table with one row per set, then one per family."""
     rows = [*rows, *(row | {'set': f'= {row["set"]}'} for row in families(rows))]
-    lines = [[f'{row["set"]}{"" if row["skin"] == "told" else " (untold)"}',
+    lines = [[f'{row["set"]}{"" if row["skin"] == "known" else " (unknown)"}',
               *(_cell(row, *column[1:]) for column in COLUMNS), row['reasons']] for row in rows]
     lines.insert(0, ['set', *(column[0] for column in COLUMNS), 'refusals'])
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]

@@ -136,8 +136,8 @@ class Skins:
     def known(self, backing, scale=1.0, poisson=POISSON):
         """Return the skin parameters that are given to the estimator."""
         bone = BACKINGS[backing]
-        told = {} if bone == math.inf else {'thickness': scale * bone, 'poisson': poisson}
-        return {'depth': scale * DEPTH, **told}
+        backed = {} if bone == math.inf else {'thickness': scale * bone, 'poisson': poisson}
+        return {'depth': scale * DEPTH, **backed}
 
     def superposed(self, pad, backing):
         """Return the superposition of loads on a skin, and the profile under a line on it."""
@@ -181,7 +181,7 @@ class Skins:
         return packed(clean + NOISE * rng.standard_normal(clean.shape), pad, NOISE, 'other',
                       **self.known(backing))
 
-    def uneven(self, rng, count, picture, pad, backing):
+    def edges(self, rng, count, picture, pad, backing):
         """Return edges that end on the pad, or press harder on one side, 40 dB."""
         point, _ = self.superposed(pad, backing)
         frames, places = zip(*[picture(pad, point, rng) for _ in range(count)], strict=True)
@@ -273,7 +273,7 @@ def _other_sets(skins):
                                    ('short/end', pictures.edge_end),
                                    ('uneven/edge', pictures.tapered)):
                 yield f'{label}-{bone}-{name[:2]}', 200, partial(
-                    skins.uneven, picture=picture, pad=pad, backing=bone)
+                    skins.edges, picture=picture, pad=pad, backing=bone)
     yield 'dome/point', 300, dome
 
 

@@ -57,10 +57,10 @@ def _records(frames, estimator, layers, array, names):
                     axis=1)
 
 
-def _estimator(name, arrays, *, told=True, **config):
+def _estimator(name, arrays, *, known=True, **config):
     kind = arrays['kind']
     options = {'estimator': ContactEstimator(EstimatorConfig(**config)),
-               'layers': layers_of(arrays, told=told), 'names': names_of(kind),
+               'layers': layers_of(arrays, known=known), 'names': names_of(kind),
                'array': peer.POINT_ARRAY if kind == 'point' else peer.LINE_ARRAY}
     return Method(name, partial(_contact, **options), partial(_records, **options))
 
@@ -70,7 +70,7 @@ def methods(arrays, peers):
     kind, noise = arrays['kind'], float(arrays['noise'])
     found = [_estimator(FIT, arrays)]
     if len(arrays['depths']) == 1:
-        found.append(_estimator('estimator, nothing told', arrays, told=False))
+        found.append(_estimator('estimator, nothing told', arrays, known=False))
     found += [_estimator(f'thesis: {name}', arrays, method=name)
               for name in ('compensated', 'moments') if kind == 'point' or name == 'moments']
     if len(arrays['depths']) > 1:

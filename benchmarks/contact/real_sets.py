@@ -9,6 +9,7 @@ The folder of recordings has any of:
 """
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,9 @@ from benchmarks.contact.golden_pictures import Pad
 from benchmarks.contact.golden_sets import packed
 
 SKIN = Pad(5, 5, 3.55e-3)
+FOIL = Pad(1, 7, 5e-3)  # its pitch is not documented
+# Assumed: normalised readings of the foil; rounding of the finger's counts; the foot's resolution.
+NOISE = {'foil': 0.01, 'finger': 0.5, 'foot': 1.0}  # [1, counts, kPa]
 UNLOADED = 200  # first images of a recording
 LOADED = {'step': 0.1, 'weights': 0.05, 'foil': 0.3, 'finger': 10.0}  # peaks [V, V, 1, counts]
 
@@ -34,8 +38,7 @@ def _skin(voltages):
     return frames - np.median(frames[:UNLOADED], axis=0), frames[:UNLOADED].std(axis=0).mean()
 
 
-def _set(frames, pad, noise, kind, **more):
-    return packed(frames, pad, noise, kind, depth=np.nan, **more)
+_set = partial(packed, depth=np.nan)  # the skin is unknown
 
 
 def real_sets(folder: Path) -> Iterator[tuple[str, dict]]:
@@ -56,13 +59,14 @@ def real_sets(folder: Path) -> Iterator[tuple[str, dict]]:
         strips = np.concatenate([foil[:, 3:10] for foil in foils])
         pressed = strips.max(axis=1) > LOADED['foil']
         yield 'real-foil/strips', _set(
-            strips[pressed, None], Pad(1, 7, 5e-3), 0.01, 'point', site=site[pressed])
+            strips[pressed, None], FOIL, NOISE['foil'], 'point', site=site[pressed])
     if (file := folder / 'iscan_finger.npz').exists():
         data = np.load(file)
         frames = data['frames'][np.nanmax(data['frames'], axis=(1, 2)) > LOADED['finger']]
         yield 'real-tekscan/finger', _set(
-            frames, Pad(28, 28, float(data['pitch_m'])), 0.5, 'point')
+            frames, Pad(28, 28, float(data['pitch_m'])), NOISE['finger'], 'point')
     if (file := folder / 'emed_step.npz').exists():
         data = np.load(file)
         yield 'real-emed/foot', _set(
-            data['pressure_kPa'], Pad(95, 64, float(data['pitch_m'])), 1.0, 'other')
+            data['pressure_kPa'], Pad(95, 64, float(data['pitch_m'])), NOISE['foot'],
+            'other')

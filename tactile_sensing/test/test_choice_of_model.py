@@ -261,7 +261,7 @@ def test_six_readings_claim_no_more_than_they_show(depth):
     assert not record['valid'] or (np.abs(off) < claims).all() and claims.min() > 1.5e-3
 
 
-def estimate_untold(frames, array, noise):
+def estimate_without_skin(frames, array, noise):
     return ContactEstimator().estimate_batch(
         np.asarray(frames)[:, None], array, [Layer('zz', 0.0, np.empty(0), noise_std=noise)])
 
@@ -282,7 +282,7 @@ def test_a_row_of_strips_shows_a_place_across_them(count, axis):
 
     def felt(frames):
         frames = frames + noise * rng.standard_normal(frames.shape)
-        return estimate_untold(frames.reshape(-1, *shape), array, noise)
+        return estimate_without_skin(frames.reshape(-1, *shape), array, noise)
 
     found = felt(pressed(places))
     assert found['valid'].mean() > 0.98
@@ -305,7 +305,7 @@ def test_small_errors_of_most_tactels_are_no_second_load():
     peak = frames.max(axis=(1, 2), keepdims=True)
     noise = 1e-3 * frames.max()
     frames += 0.015 * peak * rng.uniform(-1.0, 1.0, frames.shape)
-    found = estimate_untold(frames + noise * rng.standard_normal(frames.shape), array, noise)
+    found = estimate_without_skin(frames + noise * rng.standard_normal(frames.shape), array, noise)
     assert found['valid'].mean() > 0.9
     off = np.hypot(found['x'] - places[:, 0], found['y'] - places[:, 1])
     assert np.nanmax(off) < 1e-3
@@ -322,7 +322,7 @@ def test_things_as_broad_as_the_pad_are_no_point():
 
     frames = np.array([things() for _ in range(150)])
     noise = 5e-3 * frames.max()
-    found = estimate_untold(frames + noise * rng.standard_normal(frames.shape), array, noise)
+    found = estimate_without_skin(frames + noise * rng.standard_normal(frames.shape), array, noise)
     assert found['valid'].mean() < 0.1
 
 
@@ -334,7 +334,7 @@ def test_a_pad_that_is_smaller_than_what_it_feels_still_finds_places():
         point.stress('zz', array.x, array.y[:, None], *place, FORCE, 0.0, 0.0, depth)
         for place in places])
     noise = 0.01 * frames.max()
-    found = estimate_untold(frames + noise * rng.standard_normal(frames.shape), array, noise)
+    found = estimate_without_skin(frames + noise * rng.standard_normal(frames.shape), array, noise)
     ok = found['valid']
     assert ok.mean() > 0.6
     sd = np.sqrt(np.diagonal(found['covariance'], axis1=1, axis2=2)[ok, :2])

@@ -24,6 +24,7 @@ from tactile_sensing.skin.kernel import MAX_VARIANCE
 
 HALF_SPACE = 2.5  # exponent of a point's bump on a half-space
 SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P: known skin, unknown skin
+TAPER_SPREAD = 0.5  # standard deviation of taper / force of a line
 SCATTER = 0.05  # assumed scatter of unknown gains
 POWER, ENDS, ROBUST, PATCH, BASELINE, TAPERED = 1, 2, 4, 8, 16, 32  # options, see `Beliefs`
 FEW_END = 3.0  # log odds of a line that crosses the pad against one that ends on it

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.contact.beliefs import TAPER_SPREAD
 from tactile_sensing.contact.errors import (
     censored,
     cost_of_dead,
@@ -43,7 +44,6 @@ STEPS = 8, 12  # largest number of steps: Gaussian, robust
 ANNEALED, COOLING = 5, 0.3  # steps with inflated variance; factor of its root at each step
 PINNED = 1e12  # factor of the information of a parameter at its bound
 SETTLED = 0.1  # converged if the last step moved no parameter by more [standard deviations]
-TAPERS = 0.5  # standard deviation of taper / force of a line
 DRIFT = 0.05, 20.0  # prior of the baseline: share of the peak, multiple of the noise
 CONTRADICTED = 3.0  # a bounded reading that is off by more is an ordinary error [std. deviations]
 BROAD = 1.2  # from this half width on tactels are sampled at their centre [pitches]
@@ -76,7 +76,7 @@ def _prior(beliefs: Beliefs, force: float, drift: float, prior: np.ndarray) -> N
         p = beliefs.active[i]
         prior[i] = beliefs.information[p]
         if beliefs.kind == LINE and p == TAPER:
-            prior[i] = (TAPERS * force) ** -2.0
+            prior[i] = (TAPER_SPREAD * force) ** -2.0
         elif p == SHEAR_U or p == SHEAR_V:
             prior[i] = (beliefs.shear * force) ** -2.0
         elif p >= BASE:

@@ -139,14 +139,13 @@ def _fitted(pad: Pad, readings: Readings, scatter: float, kind: int, options: in
     """
     beliefs = beliefs_of(pad, scatter, kind, options)
     fit = unfitted(theta, readings.noise2, beliefs.active.size)
-    for tapered in (0, TAPERED):
-        belief = beliefs_of(pad, scatter, kind, options | tapered)
-        one = fit_load(pad, readings, belief, theta)
-        if one.evidence > fit.evidence or not tapered:
-            beliefs, fit = belief, one
-        if kind == POINT or tapered or not shows_taper(fit):
+    for option in (0, TAPERED):
+        if option and (kind == POINT or not shows_taper(fit)):
             break
-        theta = fit.theta
+        others = beliefs_of(pad, scatter, kind, options + option)
+        other = fit_load(pad, readings, others, fit.theta)
+        if not option or other.evidence > fit.evidence:
+            beliefs, fit = others, other
     return Hypothesis(beliefs, fit, residual_of(fit, readings), Misfit(0.0, 0.0, 0.0),
                       np.zeros((0, 0)))
 
@@ -236,14 +235,13 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
     the evidence asks for it, a patch is added to the better of them (0), a line with ends is
     fitted (1), and a patch is added to this (2).
     """
-    line = best
     for step in range(-kinds.size, 3):
         kind, ends, patch = kinds[min(step, -1)], False, False
         theta = _cold_start(kind, power, guess, BASE + pad.depths.size)
         if step == -1 and best.fit.evidence > -np.inf and not _unexplained(best):
             continue
         if step == 1:
-            if line.fit.evidence == -np.inf or not _unexplained(best):
+            if not (kinds == LINE).any() or not _unexplained(best):
                 break
             kind, ends = LINE, True
             theta = _cold_start(kind, power, guess, BASE + pad.depths.size)
@@ -256,8 +254,6 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
             theta[WIDTH] = FIRST_PATCH
         one = _fitted(pad, readings, scatter, kind,
                       ROBUST + BASELINE + POWER * power + ENDS * ends + PATCH * patch, theta)
-        if step < 0 and kind == LINE:
-            line = one
         if one.fit.evidence > best.fit.evidence:
             best = _judged(pad, readings, one)
         if step == -1 and best.fit.evidence == -np.inf:

@@ -17,7 +17,7 @@ AWAY = 0.1  # share of the peak below which a tactel is away from the load
 HALF_WIDTH = 0.64  # half width at half height of a line on a half-space [depths]
 PATCHES = 90  # integration steps over the variance of a patch
 BINS = 4  # per correlation length, across a line
-SHOWN = 2.0  # a taper of more standard deviations is fitted
+TAPER_SHOWN = 2.0, 0.1  # a larger taper is fitted [standard deviations; share of the force]
 
 
 @njit(error_model='numpy')
@@ -222,7 +222,8 @@ def _one_more(fit: Fit, by: np.ndarray) -> tuple[float, float, np.ndarray]:
 def shows_taper(fit: Fit) -> bool:
     """Return whether the residual of a line shows that its force grows along it."""
     mean, deviation, _ = _one_more(fit, fit.by[TAPER])
-    return abs(mean) > max(SHOWN * deviation, ALLOWED * fit.theta[FORCE])
+    least, share = TAPER_SHOWN
+    return abs(mean) > max(least * deviation, share * fit.theta[FORCE])
 
 
 @njit(error_model='numpy')
