@@ -122,7 +122,7 @@ class GoalRun:
     def _count_way(self) -> None:
         """Add the distance since the last cycle to the statistics."""
         phase, reference = self.phase, self.reference
-        braking = phase is Phase.SETTLING and self.hold.after is Phase.TRACK
+        braking = phase is Phase.SETTLING and self.hold.after in TRACKING
         if reference is not None and (phase in TRACKING or braking):
             self.statistics.move(self._inputs.pose, reference.heading,
                                  phase in TRACKING and phase is not Phase.SEARCH)
@@ -145,7 +145,7 @@ class GoalRun:
     def _lacking(self) -> Reason | None:
         """Return what must be observed before a hold can end, or None."""
         hold = self.hold
-        if hold.after is not Phase.TRACK or hold.blind or self._came_off():
+        if hold.after is not Phase.TRACK or self._came_off():
             return None
         lacking = self._law.lacks(self._now)
         return hold.cause if lacking and hold.of_law else lacking
@@ -153,7 +153,7 @@ class GoalRun:
     def _came_off(self) -> bool:
         """Return whether the pad lost contact while stopping and must approach again."""
         hold = self.hold
-        return (hold.after is Phase.TRACK and not hold.blind and not hold.of_law
+        return (hold.after is Phase.TRACK and not hold.of_law
                 and hold.cause.code is not ReasonCode.NOT_FOLLOWING and self._stays
                 and not self._in_contact and self._law.lacks(self._now) is not None
                 and self._off() <= self._config.input.following_distance)
@@ -189,7 +189,7 @@ class GoalRun:
         """Check whether the hold lasts long while the pad is still pressed."""
         hold, wrong = self.hold, self._why
         bound = hold.bound or (wrong is not None and wrong.code in BINDING)
-        pressed = hold.after is Phase.TRACK and not bound
+        pressed = hold.after in TRACKING and not bound
         lasts = self._now - hold.began > RESUME_WITHIN
         able = (self._inputs.joints_fresh and self._now >= self._moving
                 and self._off() <= self._config.input.following_distance)
@@ -325,9 +325,8 @@ class GoalRun:
     def _begin_hold(self, reason: Reason) -> Phase:
         phase, of_law = self.phase, reason is not self._why
         after = (Phase.APPROACH if phase in APPROACHING else
-                 phase if phase is Phase.RETREAT else Phase.TRACK)
+                 Phase.TRACK if phase is Phase.CORNER or of_law else phase)
         self.hold = Hold(after, reason, self._now - self._gap, of_law=of_law,
-                         blind=phase is Phase.SEARCH and not of_law,
                          bound=self._gap > RESUME_WITHIN)
         self._moving = max(self._moving, self._now)
         return self._go_on_holding(reason)

@@ -53,10 +53,9 @@ class Hold:
     Once the hold is `bound`, later problems do not change its cause, except `stray`.
     """
 
-    after: Phase  # in which the goal continues
+    after: Phase  # in which the goal continues; only TRACK needs an observation of the edge
     cause: Reason
     began: float  # steady time [s]
-    blind: bool = False  # it interrupted a search, which needs no observation of the edge
     of_law: bool = False  # the law requested it
     bound: bool = False  # it ends only when asked
     asked: bool = False  # somebody has asked to continue

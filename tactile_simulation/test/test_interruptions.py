@@ -166,6 +166,24 @@ def test_a_short_hold_amid_a_search_needs_no_sight_of_the_edge_to_end():
     it.check()
 
 
+@pytest.mark.parametrize('speed', [0.03, 0.1])
+def test_interruptions_beyond_the_end_do_not_count_as_tracked(speed):
+    goal, lengths = EdgeGoal(speed, 5.0, direction=-1), []
+    for breaks in (0, 3):
+        loop = steady(goal, 'trace', State.SEARCH, seed=0)
+        for _ in range(breaks):
+            loop.run(None, 0.05)
+            loop.sensor_alive = False
+            loop.run(None, 0.2)
+            assert loop.servo.reason.code == ReasonCode.STALE_IMAGE
+            loop.sensor_alive = True
+            loop.run(None, 0.1)
+        loop.run(None, 20.0)
+        assert loop.servo.reason.code == ReasonCode.EDGE_ENDED
+        lengths.append(loop.servo.statistics.tracked_length)
+    assert lengths[1] == pytest.approx(lengths[0], abs=1e-3)
+
+
 def test_a_probe_beyond_the_end_goes_no_deeper_for_being_interrupted_again_and_again():
     it = Interrupted('trace', State.SEARCH, 0, EdgeGoal(0.03, 5.0, direction=-1))
     loop = it.loop

@@ -109,7 +109,9 @@ class EdgeFollowing:
     def resume(self) -> None:
         self._motion.reset()
         self.sight.press.forget()
-        self._stall.seen, self._pressed = None, False
+        self._stall.seen = None
+        # A pad that was lifted off touches lightly at first.
+        self._pressed &= self.sight.load.force >= self.servo.approach.contact_force
         self._mode, self._searching = Following(), Searching()
 
     def observe(self, observation: Observation) -> None:
