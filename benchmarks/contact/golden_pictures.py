@@ -278,12 +278,23 @@ def edge_end(pad, point, rng):
 
 def tapered(pad, point, rng):
     """Return an edge that presses harder on one side, by 10 to 80 % at half the pad's size."""
+    slope = rng.choice([-1, 1]) * rng.uniform(0.1, 0.8)
+    return _uneven(pad, point, rng, lambda along: 1.0 + slope * along)
+
+
+def wavy(pad, point, rng):
+    """Return an edge with waves of 10 to 40 % of the force, as long as .3 to 1.5 pads."""
+    size, phase = rng.uniform(0.1, 0.4), rng.uniform(0.0, 2.0 * np.pi)
+    turns = np.pi / rng.uniform(0.3, 1.5)
+    return _uneven(pad, point, rng, lambda along: 1.0 + size * np.sin(turns * along + phase))
+
+
+def _uneven(pad, point, rng, force):
+    """Return an edge across the pad; `force` takes places along it in halves of the pad."""
     place = {name: value[0] for name, value in lines_on(pad, 1, rng).items()}
-    n = unit(place['yaw'])
-    along = np.arange(-1.5 * pad.half, 1.5 * pad.half, 0.3e-3)
-    force = 1.0 + rng.choice([-1, 1]) * rng.uniform(0.1, 0.8) * along / pad.half
+    n, along = unit(place['yaw']), np.arange(-1.5 * pad.half, 1.5 * pad.half, 0.3e-3)
     frame = point(place['rho'] * n + along[:, None] * unit(place['yaw'] + 0.5 * np.pi),
-                  np.maximum(force, 0.0))
+                  np.maximum(force(along / pad.half), 0.0))
     return frame, tuple(place.values())
 
 

@@ -182,7 +182,7 @@ class Skins:
                       **self.known(backing))
 
     def edges(self, rng, count, picture, pad, backing):
-        """Return edges that end on the pad, or press harder on one side, 40 dB."""
+        """Return edges that end on the pad or press unevenly, 40 dB."""
         point, _ = self.superposed(pad, backing)
         frames, places = zip(*[picture(pad, point, rng) for _ in range(count)], strict=True)
         frames, (x, y, rho, yaw) = np.array(frames), np.array(places).T
@@ -271,7 +271,8 @@ def _other_sets(skins):
                     skins.scene, name=scene, pad=pad, backing=bone)
             for label, picture in (('short/blade', pictures.blade),
                                    ('short/end', pictures.edge_end),
-                                   ('uneven/edge', pictures.tapered)):
+                                   ('uneven/edge', pictures.tapered),
+                                   ('uneven/wavy', pictures.wavy)):
                 yield f'{label}-{bone}-{name[:2]}', 200, partial(
                     skins.edges, picture=picture, pad=pad, backing=bone)
     yield 'dome/point', 300, dome

@@ -10,7 +10,7 @@ FAMILIES = {
     'fe': 'finite elements, bone 2 to 12 mm and none',
     'pads': 'finite elements, 4×4 to 32×32 tactels',
     'faults': 'finite elements, faults of the sensor', 'flat': 'flat punches and strips',
-    'short': 'edges that end on the pad', 'uneven': 'edges that press harder on one side',
+    'short': 'edges that end on the pad', 'uneven': 'edges that press unevenly: tapered and wavy',
     'reject': 'neither a point nor a line', 'real-loaded': 'real presses on a pad of 5×5',
     'real-weights': 'weights that lie on that pad', 'real-foil': 'real foil strips',
     'real-tekscan': 'a real finger', 'real-emed': 'a real foot'}

@@ -131,15 +131,15 @@ def ending_edges(rng, count=COUNT):
     return truth, frames
 
 
-def tapered(rng, count, taper, array=ARRAY, depth=DEPTH):
+def uneven(rng, count, force, array=ARRAY, depth=DEPTH):
     """
-    Return truth and images of edges that press harder on one side: rows of points.
+    Return truth and images of edges whose force per length varies along them: rows of points.
 
-    Their force per length falls to zero and changes by `taper` from the middle over half a side.
+    `force` takes places along the edge, in half sides of the pad, and returns shares.
     """
     half, spacing = array.half_width_x, 1e-4
     along = np.arange(-0.025, 0.025, spacing)
-    load = 200.0 * np.maximum(1.0 + taper * along / half, 0.0)
+    load = 200.0 * np.maximum(force(along / half), 0.0)
     offset, yaw = rng.uniform(-0.4, 0.4, count) * half, rng.uniform(-0.5, 0.5, count) * np.pi
     frames, force = np.zeros((count, *array.shape)), np.empty(count)
     for k, frame in enumerate(frames):
@@ -155,7 +155,7 @@ def tapered(rng, count, taper, array=ARRAY, depth=DEPTH):
 @pytest.mark.parametrize('depth', [DEPTH, 0.0])
 def test_an_edge_that_presses_harder_on_one_side(depth, taper):
     rng = np.random.default_rng(34)
-    truth, frames = tapered(rng, 100, taper)
+    truth, frames = uneven(rng, 100, lambda along: 1.0 + taper * along)
     noise = 0.01 * frames.max()
     found = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
         frames + noise * rng.standard_normal(frames.shape), ARRAY,
@@ -178,12 +178,29 @@ def test_an_edge_that_presses_harder_on_one_side(depth, taper):
 @pytest.mark.parametrize('noise', [0.005, 0.03])
 def test_an_edge_that_presses_harder_on_one_side_of_a_small_pad(noise):
     rng, array = np.random.default_rng(35), TactelArray(5, 5, 3.55e-3, 3.55e-3)
-    truth, frames = tapered(rng, 100, 0.4, array, 3e-3)
+    truth, frames = uneven(rng, 100, lambda along: 1.0 + 0.4 * along, array, 3e-3)
     noise *= frames.max()
     found = ContactEstimator().estimate_batch(
         frames + noise * rng.standard_normal(frames.shape), array,
         [Layer('zz', 0.0, None, noise_std=noise)])
     assert (found['valid'] & (found['type'] == ContactType.LINE)).mean() > 0.9
+    turned = np.remainder(found['yaw'] - truth['yaw'] + 0.5 * np.pi, np.pi) - 0.5 * np.pi
+    found['yaw'] = truth['yaw'] + turned
+    del truth['normal_force']
+    assert over_claims(found, truth) < HONEST
+
+
+@pytest.mark.parametrize('noise', [0.005, 0.03])
+@pytest.mark.parametrize('force', [lambda along: 1.0 + 0.25 * np.sin(5.0 * along),
+                                   lambda along: np.abs(along - 0.2) > 0.13])
+def test_a_wavy_edge_and_one_with_a_notch(force, noise):
+    rng = np.random.default_rng(36)
+    truth, frames = uneven(rng, 100, force)
+    noise *= frames.max()
+    found = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
+        frames + noise * rng.standard_normal(frames.shape), ARRAY,
+        [Layer('zz', 0.0, None, noise_std=noise)])
+    assert (found['valid'] & (found['type'] == ContactType.LINE)).mean() > 0.95
     turned = np.remainder(found['yaw'] - truth['yaw'] + 0.5 * np.pi, np.pi) - 0.5 * np.pi
     found['yaw'] = truth['yaw'] + turned
     del truth['normal_force']

@@ -146,7 +146,7 @@ def _fitted(pad: Pad, readings: Readings, scatter: float, kind: int, options: in
         other = fit_load(pad, readings, others, fit.theta)
         if not option or other.evidence > fit.evidence:
             beliefs, fit = others, other
-    return Hypothesis(beliefs, fit, residual_of(fit, readings), Misfit(0.0, 0.0, 0.0),
+    return Hypothesis(beliefs, fit, residual_of(fit, readings), Misfit(0.0, 0.0, 0.0, 0.0),
                       np.zeros((0, 0)))
 
 
@@ -170,7 +170,7 @@ def _nothing(readings: Readings, beliefs: Beliefs) -> Hypothesis:
     """Return a hypothesis without a fit."""
     fit = unfitted(np.zeros(beliefs.mean.size), readings.noise2, beliefs.active.size)
     return Hypothesis(beliefs, fit, Residual(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
-                      Misfit(0.0, 0.0, 0.0), np.zeros((0, 0)))
+                      Misfit(0.0, 0.0, 0.0, 0.0), np.zeros((0, 0)))
 
 
 @njit(error_model='numpy')

@@ -16,7 +16,7 @@ LOUD = 4.5  # a larger error of a tactel is not noise [standard deviations]
 AWAY = 0.1  # share of the peak below which a tactel is away from the load
 HALF_WIDTH = 0.64  # half width at half height of a line on a half-space [depths]
 PATCHES = 90  # integration steps over the variance of a patch
-BINS = 4  # per correlation length, across a line
+BINS = 4  # per correlation length, across or along a line
 TAPER_SHOWN = 2.0, 0.1  # a larger taper is fitted [standard deviations; share of the force]
 
 
@@ -51,7 +51,7 @@ def residual_of(fit: Fit, readings: Readings) -> Residual:
 
 @njit(error_model='numpy', fastmath=FAST)
 def _smooth_line(place: np.ndarray, low: float, width: float, values: np.ndarray) -> None:
-    """Smooth values (n, count) along one axis by a Gaussian, with bins; in place."""
+    """Smooth values (n, count) over places (count,) by a Gaussian, with bins; in place."""
     step = width / BINS
     count = int((place.max() - low) / step) + 2
     bins, smooth = np.empty(count), np.empty(count)
@@ -90,14 +90,25 @@ def _smooth_plane(x: np.ndarray, y: np.ndarray, width: float, values: np.ndarray
                 values[k, first + r * columns + c] = smooth[r, c]
 
 
+@njit(error_model='numpy')
+def _places(pad: Pad, tactels: int, angle: float) -> np.ndarray:
+    """Return places of the tactels along a direction [m], shape (tactels,)."""
+    columns, size, place = pad.x.size, pad.x.size * pad.y.size, np.empty(tactels)
+    for i in range(tactels):
+        place[i] = pad.x[i % columns] * math.cos(angle) + (
+            pad.y[i % size // columns] * math.sin(angle))
+    return place
+
+
 @njit(error_model='numpy', fastmath=FAST)
 def _passed_on(kind: int, pad: Pad, fit: Fit, answer: np.ndarray, correlation: float,
-               loaded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+               loaded: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
     """
-    Propagate the error of the model to the parameters.
+    Propagate an error of the model to the parameters.
 
-    The error of the model has the covariance K_ij = d^2 m_i m_j rho_ij. The parameters change by
-    Q times the errors, where Q is `answer` times the weights.
+    It has the covariance K_ij = d^2 m_i m_j rho_ij, where m is the model and rho falls with the
+    distance of two tactels; for a line, with their distance in one direction. The parameters
+    change by Q times the errors, where Q is `answer` times the weights.
 
     Parameters
     ----------
@@ -106,6 +117,8 @@ def _passed_on(kind: int, pad: Pad, fit: Fit, answer: np.ndarray, correlation: f
     correlation : float
         Correlation length of the error of the model [m].
     loaded : ndarray of bool, shape (tactels,)
+    angle : float
+        Direction of the distances, if the load is a line [rad].
 
     Returns
     -------
@@ -115,14 +128,11 @@ def _passed_on(kind: int, pad: Pad, fit: Fit, answer: np.ndarray, correlation: f
         Q K Q' / d^2.
     """
     n, tactels = answer.shape
-    columns, size = pad.x.size, pad.x.size * pad.y.size
+    size = pad.x.size * pad.y.size
     moves = answer * fit.weight
     moved = moves * fit.model
     if kind == LINE:
-        cos, sin = math.cos(fit.theta[Q1]), math.sin(fit.theta[Q1])
-        place = np.empty(tactels)
-        for i in range(tactels):
-            place[i] = pad.x[i % columns] * cos + pad.y[i % size // columns] * sin
+        place = _places(pad, tactels, angle)
         _smooth_line(place, place.min(), correlation, moved)
     else:
         for layer in range(tactels // size):
@@ -307,6 +317,33 @@ def _unseen_middle(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs,
             covariance += moves.reshape(-1, 1) * moves
 
 
+@njit(error_model='numpy', fastmath=FAST)
+def _along(pad: Pad, fit: Fit, noise2: np.ndarray, correlation: float,
+           loaded: np.ndarray) -> float:
+    """
+    Return `Misfit.along` of a line.
+
+    Its force varies along it as the residual that is smoothed in this direction, a sum of weighted
+    tactels; what noise contributes to its square is subtracted.
+    """
+    place = _places(pad, fit.model.size, fit.theta[Q1] + 0.5 * math.pi)
+    sums = np.zeros((3, place.size))
+    for i in range(place.size):
+        if loaded[i]:
+            squared = fit.model[i] ** 2
+            sums[0, i], sums[1, i] = fit.error[i] * fit.model[i], squared
+            sums[2, i] = squared * noise2[i]
+    _smooth_line(place, place.min(), correlation, sums)
+    varied = power = 0.0
+    for i in range(place.size):
+        if loaded[i] and sums[1, i] > 0.0:
+            # The sum of a Gaussian's squares is that of the Gaussian over the root of 2.
+            by_noise = math.sqrt(0.5) * sums[2, i]
+            varied += fit.model[i] ** 2 * (sums[0, i] ** 2 - by_noise) / sums[1, i] ** 2
+            power += fit.model[i] ** 2
+    return math.sqrt(max(varied, 0.0) / max(power, 1e-300))
+
+
 @njit(error_model='numpy')
 def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Misfit, np.ndarray]:
     """
@@ -324,7 +361,8 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
     loaded = (fit.weight > 0.0) & (np.abs(fit.model) > LOADED * peak)
     rows = fit.rows * loaded
     answer = fit.inverse @ rows
-    moved, both = _passed_on(beliefs.kind, pad, fit, answer, correlation, loaded)
+    moved, both = _passed_on(
+        beliefs.kind, pad, fit, answer, correlation, loaded, fit.theta[Q1])
     agreed, deviation, by_model = _agreement(
         beliefs.kind, pad, fit, rows, answer, correlation, loaded, moved, both)
     d2 = beliefs.unseen ** 2
@@ -335,6 +373,13 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
     small = fit.inverse * (SANDWICH if beliefs.robust else 1.0) + d2 * both
     if not beliefs.robust:
         small += _by_gains(fit, beliefs)
+    along = 0.0
+    if beliefs.robust and beliefs.kind == LINE:
+        along = _along(pad, fit, readings.noise2, correlation, loaded)
+    if along > 0.0:
+        _, both = _passed_on(beliefs.kind, pad, fit, answer, correlation, loaded,
+                             fit.theta[Q1] + 0.5 * math.pi)
+        small += along ** 2 * both
     hidden = 0.0
     if not beliefs.power and not beliefs.patch:
         hidden = _hidden_patch(fit, small)
@@ -344,4 +389,5 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
         for j in range(n):
             covariance[index[i], index[j]] = small[i, j]
     significance = agreed / deviation if deviation > 0.0 else 0.0
-    return Misfit(significance, hidden, _apart(pad, fit, readings.noise2, peak)), covariance
+    apart = _apart(pad, fit, readings.noise2, peak)
+    return Misfit(significance, hidden, along, apart), covariance

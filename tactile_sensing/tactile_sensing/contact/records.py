@@ -71,6 +71,7 @@ class Misfit(NamedTuple):
 
     significance: float  # of d, the shared error as share of the pressure [standard deviations]
     hidden: float  # probability of a patch that is not fitted
+    along: float  # as `Residual.left`, of the part that only a force varying along a line leaves
     apart: float  # highest unexplained pressure away from the load, relative to its peak
 
 

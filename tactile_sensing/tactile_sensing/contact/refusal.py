@@ -13,8 +13,10 @@ from tactile_sensing.types.contact import Reason
 BAD_FIT, NO_CONTACT, OFF_PAD = int(Reason.BAD_FIT), int(Reason.NO_CONTACT), int(Reason.OFF_PAD)
 TWO_CONTACTS = int(Reason.TWO_CONTACTS)
 DOUBT = 3.0  # a sharp load with a higher significance of d is not sufficient
-# Refused: significance of d above the first value and residual share above the second.
-WRONG = (6.0, 0.12), (3.0, 0.15), (2.0, 0.2), (-math.inf, 0.5)
+# Refused: significance of d above the first value and residual share above the second. Of a line,
+# only the residual across it counts here: its force may vary along it.
+WRONG = (6.0, 0.12), (3.0, 0.15), (2.0, 0.2)
+MOST = 0.5  # a larger residual share is refused
 NOISY = 0.1  # a larger share of tactels beyond noise is not explained by broken tactels
 # Larger readings, in standard deviations of a tactel: of all tactels, no drift; of two, no noise.
 DRIFTED, PLAIN = 20.0, 8.0
@@ -99,9 +101,11 @@ def _bad_fit(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     significance = one.misfit.significance
     if one.beliefs.power and one.fit.theta[WIDTH] > one.beliefs.high[WIDTH] - ROUNDING:
         significance = np.inf
-    wrong = one.misfit.apart > APART or one.residual.loud > NOISY
+    left = one.residual.left
+    across = math.sqrt(max(left ** 2 - one.misfit.along ** 2, 0.0))
+    wrong = one.misfit.apart > APART or one.residual.loud > NOISY or left > MOST
     for least, share in WRONG:
-        wrong |= significance > least and one.residual.left > share
+        wrong |= significance > least and across > share
     if not wrong:
         return 0
     size = pad.x.size * pad.y.size
