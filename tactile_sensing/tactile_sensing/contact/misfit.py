@@ -12,6 +12,7 @@ from tactile_sensing.skin.kernel import MAX_VARIANCE
 
 LOADED = 0.02  # share of the peak from which a tactel is examined for an error of the model
 ALLOWED, LARGEST = 0.1, 0.5  # prior standard deviation of d; largest d^2
+TURNED = 0.5  # RMS of a part of the error that grows linearly along a line, relative to d
 LOUD = 4.5  # a larger error of a tactel is not noise [standard deviations]
 AWAY = 0.1  # share of the peak below which a tactel is away from the load
 HALF_WIDTH = 0.64  # half width at half height of a line on a half-space [depths]
@@ -101,24 +102,24 @@ def _places(pad: Pad, tactels: int, angle: float) -> np.ndarray:
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _passed_on(kind: int, pad: Pad, fit: Fit, answer: np.ndarray, correlation: float,
-               loaded: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
+def _passed_on(kind: int, pad: Pad, moves: np.ndarray, basis: np.ndarray, place: np.ndarray,
+               correlation: float) -> tuple[np.ndarray, np.ndarray]:
     """
     Propagate an error of the model to the parameters.
 
-    It has the covariance K_ij = d^2 m_i m_j rho_ij, where m is the model and rho falls with the
-    distance of two tactels; for a line, with their distance in one direction. The parameters
-    change by Q times the errors, where Q is `answer` times the weights.
+    It has the covariance K_ij = d^2 b_i b_j rho_ij, where rho falls with the distance of two
+    tactels; for a line, with that of their places.
 
     Parameters
     ----------
-    answer : ndarray, shape (n, tactels)
-        Change of the parameters by a weighted error.
+    moves : ndarray, shape (n, tactels)
+        Q, the change of the parameters by an error.
+    basis : ndarray, shape (tactels,)
+        b [pressure]; 0 where tactels are not loaded.
+    place : ndarray, shape (tactels,)
+        Of a line [m].
     correlation : float
-        Correlation length of the error of the model [m].
-    loaded : ndarray of bool, shape (tactels,)
-    angle : float
-        Direction of the distances, if the load is a line [rad].
+        Correlation length [m].
 
     Returns
     -------
@@ -127,20 +128,14 @@ def _passed_on(kind: int, pad: Pad, fit: Fit, answer: np.ndarray, correlation: f
     both : ndarray, shape (n, n)
         Q K Q' / d^2.
     """
-    n, tactels = answer.shape
     size = pad.x.size * pad.y.size
-    moves = answer * fit.weight
-    moved = moves * fit.model
+    moved = moves * basis
     if kind == LINE:
-        place = _places(pad, tactels, angle)
         _smooth_line(place, place.min(), correlation, moved)
     else:
-        for layer in range(tactels // size):
+        for layer in range(basis.size // size):
             _smooth_plane(pad.x, pad.y, correlation, moved, layer * size)
-    for i in range(tactels):
-        by = fit.model[i] if loaded[i] else 0.0
-        for j in range(n):
-            moved[j, i] *= by
+    moved *= basis
     return moved, moved @ moves.T
 
 
@@ -318,30 +313,32 @@ def _unseen_middle(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs,
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _along(pad: Pad, fit: Fit, noise2: np.ndarray, correlation: float,
-           loaded: np.ndarray) -> float:
+def _along(fit: Fit, noise2: np.ndarray, basis: np.ndarray, place: np.ndarray,
+           correlation: float) -> float:
     """
-    Return `Misfit.along` of a line.
+    Return `Misfit.along` of a line: the smooth part of the residual at places (tactels,) along it.
 
-    Its force varies along it as the residual that is smoothed in this direction, a sum of weighted
-    tactels; what noise contributes to its square is subtracted.
+    What noise contributes to its square is subtracted.
     """
-    place = _places(pad, fit.model.size, fit.theta[Q1] + 0.5 * math.pi)
-    sums = np.zeros((3, place.size))
-    for i in range(place.size):
-        if loaded[i]:
-            squared = fit.model[i] ** 2
-            sums[0, i], sums[1, i] = fit.error[i] * fit.model[i], squared
-            sums[2, i] = squared * noise2[i]
+    squared, sums = basis ** 2, np.empty((3, place.size))
+    sums[0], sums[1], sums[2] = fit.error * basis, squared, squared * noise2
     _smooth_line(place, place.min(), correlation, sums)
     varied = power = 0.0
     for i in range(place.size):
-        if loaded[i] and sums[1, i] > 0.0:
+        if sums[1, i] > 0.0:
             # The sum of a Gaussian's squares is that of the Gaussian over the root of 2.
             by_noise = math.sqrt(0.5) * sums[2, i]
-            varied += fit.model[i] ** 2 * (sums[0, i] ** 2 - by_noise) / sums[1, i] ** 2
-            power += fit.model[i] ** 2
+            varied += squared[i] * (sums[0, i] ** 2 - by_noise) / sums[1, i] ** 2
+            power += squared[i]
     return math.sqrt(max(varied, 0.0) / max(power, 1e-300))
+
+
+@njit(error_model='numpy')
+def _normalised(place: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Return places (tactels,) with mean 0 and RMS 1, weighted by the squares of a basis."""
+    squared = basis ** 2
+    centred = place - (squared * place).sum() / squared.sum()
+    return centred / math.sqrt((squared * centred ** 2).sum() / squared.sum())
 
 
 @njit(error_model='numpy')
@@ -361,8 +358,9 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
     loaded = (fit.weight > 0.0) & (np.abs(fit.model) > LOADED * peak)
     rows = fit.rows * loaded
     answer = fit.inverse @ rows
-    moved, both = _passed_on(
-        beliefs.kind, pad, fit, answer, correlation, loaded, fit.theta[Q1])
+    moves, basis = answer * fit.weight, fit.model * loaded
+    across = _places(pad, basis.size, fit.theta[Q1])
+    moved, both = _passed_on(beliefs.kind, pad, moves, basis, across, correlation)
     agreed, deviation, by_model = _agreement(
         beliefs.kind, pad, fit, rows, answer, correlation, loaded, moved, both)
     d2 = beliefs.unseen ** 2
@@ -375,11 +373,13 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
         small += _by_gains(fit, beliefs)
     along = 0.0
     if beliefs.robust and beliefs.kind == LINE:
-        along = _along(pad, fit, readings.noise2, correlation, loaded)
-    if along > 0.0:
-        _, both = _passed_on(beliefs.kind, pad, fit, answer, correlation, loaded,
-                             fit.theta[Q1] + 0.5 * math.pi)
+        place = _places(pad, basis.size, fit.theta[Q1] + 0.5 * math.pi)
+        along = _along(fit, readings.noise2, basis, place, correlation)
+        _, both = _passed_on(LINE, pad, moves, basis, place, correlation)
         small += along ** 2 * both
+        _, both = _passed_on(
+            LINE, pad, moves, basis * _normalised(place, basis), across, correlation)
+        small += TURNED ** 2 * d2 * both
     hidden = 0.0
     if not beliefs.power and not beliefs.patch:
         hidden = _hidden_patch(fit, small)

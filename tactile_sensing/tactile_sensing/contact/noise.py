@@ -63,7 +63,7 @@ def hidden_scale(image: np.ndarray, noise: float) -> float:
             values[kinds] = value
             kinds += 1
         counts[kinds - 1] += 1.0
-    steps = np.diff(values[:kinds])
+    steps = values[1:kinds] - values[:kinds - 1]
     resolution, highest = np.inf, values[kinds - 1]
     if kinds > 1:
         resolution = steps.min()
