@@ -134,7 +134,7 @@ class ContactEstimator:
             area=config.tactel == 'area', thickness=float(layers[main].thickness),
             poisson=float(layers[main].poisson))
         known = layers[main]
-        noises = np.array([max(config.noise_std or it.noise_std, 0.0) for it in layers])
+        noises = np.array([max(config.noise_std or it.noise_std, 0.0) for it in layers], float)
         sensor = plain(Sensor(
             pad, main, noises,
             np.array([it.full_scale or np.inf for it in layers]),
