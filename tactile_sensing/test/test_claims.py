@@ -131,6 +131,11 @@ def ending_edges(rng, count=COUNT):
     return truth, frames
 
 
+def turn_alike(found, truth):
+    """Add multiples of pi to the estimated directions, to bring them next to the true ones."""
+    found['yaw'] -= np.pi * np.round((found['yaw'] - truth['yaw']) / np.pi)
+
+
 def uneven(rng, count, force, array=ARRAY, depth=DEPTH):
     """
     Return truth and images of edges whose force per length varies along them: rows of points.
@@ -163,8 +168,7 @@ def test_an_edge_that_presses_harder_on_one_side(depth, taper):
     assert (found['valid'] & (found['type'] == ContactType.LINE)).mean() > 0.97
     assert np.sqrt(np.nanmean((found['x'] * np.cos(truth['yaw']) + found['y'] * np.sin(
         truth['yaw']) - truth['offset'])**2)) < 5e-5
-    turned = np.remainder(found['yaw'] - truth['yaw'] + 0.5 * np.pi, np.pi) - 0.5 * np.pi
-    found['yaw'] = truth['yaw'] + turned
+    turn_alike(found, truth)
     if depth == 0.0:
         del truth['normal_force']
     assert over_claims(found, truth) < HONEST
@@ -184,8 +188,7 @@ def test_an_edge_that_presses_harder_on_one_side_of_a_small_pad(noise):
         frames + noise * rng.standard_normal(frames.shape), array,
         [Layer('zz', 0.0, None, noise_std=noise)])
     assert (found['valid'] & (found['type'] == ContactType.LINE)).mean() > 0.9
-    turned = np.remainder(found['yaw'] - truth['yaw'] + 0.5 * np.pi, np.pi) - 0.5 * np.pi
-    found['yaw'] = truth['yaw'] + turned
+    turn_alike(found, truth)
     del truth['normal_force']
     assert over_claims(found, truth) < HONEST
 
@@ -201,10 +204,37 @@ def test_a_wavy_edge_and_one_with_a_notch(force, noise):
         frames + noise * rng.standard_normal(frames.shape), ARRAY,
         [Layer('zz', 0.0, None, noise_std=noise)])
     assert (found['valid'] & (found['type'] == ContactType.LINE)).mean() > 0.95
-    turned = np.remainder(found['yaw'] - truth['yaw'] + 0.5 * np.pi, np.pi) - 0.5 * np.pi
-    found['yaw'] = truth['yaw'] + turned
+    turn_alike(found, truth)
     del truth['normal_force']
     assert over_claims(found, truth) < HONEST
+
+
+@pytest.mark.parametrize('size', [0.1, 0.2])
+def test_gains_that_vary_smoothly_over_the_pad(size):
+    rng = np.random.default_rng(37)
+    truth, frames = uneven(rng, 200, np.ones_like)
+    waves_x, waves_y, phase_x, phase_y = rng.uniform(1.0, 3.0, (4, 200, 1, 1))
+    frames *= 1.0 + size * np.sin(waves_x * ARRAY.x / ARRAY.half_width_x + phase_x) * np.sin(
+        waves_y * ARRAY.y[:, None] / ARRAY.half_width_y + phase_y)
+    noise = 0.003 * frames.max()
+    found = ContactEstimator(EstimatorConfig(tactel='point')).estimate_batch(
+        frames + noise * rng.standard_normal(frames.shape), ARRAY,
+        [Layer('zz', 0.0, None, noise_std=noise)])
+    assert found['valid'].mean() > 0.9
+    turn_alike(found, truth)
+    del truth['normal_force']
+    assert over_claims(found, truth) < HONEST
+
+
+@pytest.mark.parametrize('unknown', [0, 0.0])
+def test_an_integer_noise_of_0_is_unknown(unknown):
+    rng = np.random.default_rng(38)
+    _, frames = uneven(rng, 20, np.ones_like)
+    frames /= frames.max()
+    frames += 0.01 * rng.standard_normal(frames.shape)
+    found = ContactEstimator().estimate_batch(
+        frames, ARRAY, [Layer('zz', 0.0, None, noise_std=unknown)])
+    assert found['valid'].all()
 
 
 def test_an_edge_that_ends_on_the_pad():

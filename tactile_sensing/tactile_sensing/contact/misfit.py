@@ -51,24 +51,23 @@ def residual_of(fit: Fit, readings: Readings) -> Residual:
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _smooth_line(place: np.ndarray, low: float, width: float, values: np.ndarray) -> None:
+def _smooth_line(place: np.ndarray, width: float, values: np.ndarray) -> None:
     """Smooth values (n, count) over places (count,) by a Gaussian, with bins; in place."""
-    step = width / BINS
+    low, step, reach = place.min(), width / BINS, 3 * BINS
     count = int((place.max() - low) / step) + 2
-    bins, smooth = np.empty(count), np.empty(count)
-    reach = 3 * BINS
-    kernel = np.exp(-0.5 * (np.arange(reach + 1) / BINS) ** 2)
+    bins, smooth = np.empty(count + 2 * reach), np.empty(count)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / BINS) ** 2)
     for k in range(values.shape[0]):
         bins[:] = 0.0
         for i in range(place.size):
             at = (place[i] - low) / step
             b = int(at)
-            bins[b] += values[k, i] * (1.0 - at + b)
-            bins[b + 1] += values[k, i] * (at - b)
+            bins[reach + b] += values[k, i] * (1.0 - at + b)
+            bins[reach + b + 1] += values[k, i] * (at - b)
         for b in range(count):
             total = 0.0
-            for o in range(max(b - reach, 0), min(b + reach + 1, count)):
-                total += kernel[abs(o - b)] * bins[o]
+            for o in range(kernel.size):
+                total += kernel[o] * bins[b + o]
             smooth[b] = total
         for i in range(place.size):
             at = (place[i] - low) / step
@@ -95,9 +94,9 @@ def _smooth_plane(x: np.ndarray, y: np.ndarray, width: float, values: np.ndarray
 def _places(pad: Pad, tactels: int, angle: float) -> np.ndarray:
     """Return places of the tactels along a direction [m], shape (tactels,)."""
     columns, size, place = pad.x.size, pad.x.size * pad.y.size, np.empty(tactels)
+    cos, sin = math.cos(angle), math.sin(angle)
     for i in range(tactels):
-        place[i] = pad.x[i % columns] * math.cos(angle) + (
-            pad.y[i % size // columns] * math.sin(angle))
+        place[i] = pad.x[i % columns] * cos + pad.y[i % size // columns] * sin
     return place
 
 
@@ -131,7 +130,7 @@ def _passed_on(kind: int, pad: Pad, moves: np.ndarray, basis: np.ndarray, place:
     size = pad.x.size * pad.y.size
     moved = moves * basis
     if kind == LINE:
-        _smooth_line(place, place.min(), correlation, moved)
+        _smooth_line(place, correlation, moved)
     else:
         for layer in range(basis.size // size):
             _smooth_plane(pad.x, pad.y, correlation, moved, layer * size)
@@ -286,18 +285,16 @@ def _unseen_middle(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs,
     r = (I_1 - I_2) / S. If the half width is unknown too, the variance of the place increases by
     r^2 / (S (1 - r^2) + 12 / width^2), where `width` is that of the saturated tactels.
     """
-    columns, size = pad.x.size, pad.x.size * pad.y.size
     for i in range(beliefs.active.size):
         parameter = beliefs.active[i]
         if parameter != Q0 and (parameter != Q1 or beliefs.kind == LINE):
             continue
         angle = fit.theta[Q1] if beliefs.kind == LINE else 0.5 * math.pi * (parameter == Q1)
-        low, high, total, side = math.inf, -math.inf, 1e-300, 0.0
+        across, low, high = _places(pad, fit.model.size, angle), math.inf, -math.inf
+        total, side = 1e-300, 0.0
         for t in range(fit.model.size):
             if readings.value[t] >= readings.full[t]:
-                across = pad.x[t % columns] * math.cos(angle) + (
-                    pad.y[t % size // columns] * math.sin(angle))
-                low, high = min(low, across), max(high, across)
+                low, high = min(low, across[t]), max(high, across[t])
             else:
                 by = fit.weight[t] * fit.rows[i, t] * abs(fit.rows[i, t])
                 side, total = side + by, total + abs(by)
@@ -322,14 +319,14 @@ def _along(fit: Fit, noise2: np.ndarray, basis: np.ndarray, place: np.ndarray,
     """
     squared, sums = basis ** 2, np.empty((3, place.size))
     sums[0], sums[1], sums[2] = fit.error * basis, squared, squared * noise2
-    _smooth_line(place, place.min(), correlation, sums)
+    _smooth_line(place, correlation, sums)
     varied = power = 0.0
     for i in range(place.size):
+        power += fit.model[i] ** 2 * (fit.weight[i] > 0.0)
         if sums[1, i] > 0.0:
             # The sum of a Gaussian's squares is that of the Gaussian over the root of 2.
             by_noise = math.sqrt(0.5) * sums[2, i]
             varied += squared[i] * (sums[0, i] ** 2 - by_noise) / sums[1, i] ** 2
-            power += squared[i]
     return math.sqrt(max(varied, 0.0) / max(power, 1e-300))
 
 
@@ -374,8 +371,10 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
     along = 0.0
     if beliefs.robust and beliefs.kind == LINE:
         place = _places(pad, basis.size, fit.theta[Q1] + 0.5 * math.pi)
-        along = _along(fit, readings.noise2, basis, place, correlation)
-        _, both = _passed_on(LINE, pad, moves, basis, place, correlation)
+        # Of the same tactels as `Residual.left`.
+        kept = basis * (fit.error ** 2 < LOUD ** 2 * fit.variance)
+        along = _along(fit, readings.noise2, kept, place, correlation)
+        _, both = _passed_on(LINE, pad, moves, kept, place, correlation)
         small += along ** 2 * both
         _, both = _passed_on(
             LINE, pad, moves, basis * _normalised(place, basis), across, correlation)
