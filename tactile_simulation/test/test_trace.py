@@ -190,6 +190,18 @@ def test_a_lost_edge_with_contact_held_never_presses():
     assert not loop.servo.success
 
 
+def test_a_pad_that_touches_with_its_rim_presses_no_deeper_than_allowed():
+    scene = load_scene(ROOT / 'launch/scenes/straight.yaml')
+    loop = Simulation(replace(scene, start=replace(
+        scene.start, s=0.2, offset=0.012, yaw=30.0)), 'trace')
+    loop.run(EdgeGoal(0.03, 10.0), 20.0)
+    touch = next(cycle.pose[2, 3] for cycle in loop.log if cycle.force > 0.0)
+    deepest = min(cycle.pose[2, 3] for cycle in loop.log)
+    # The rim is felt late, images lag behind, and the pad has to stop.
+    assert touch - deepest < 2.0 * PRESS_DEPTH
+    assert not loop.servo.success
+
+
 def test_lost_contact_is_probed_within_the_press_depth_and_given_up():
     loop = tracking(config=ServoConfig(hold=HoldConfig(give_up=1.0)))
     depth, known = loop.pose[2, 3], len(loop.log)

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from tactile_servo.config import PRESS_DEPTH
 from tactile_servo.control.force_controller import BRAKING
 
 PRESSED = 0.6  # share of the goal's force to press with: it is enough to see the whole edge
@@ -28,7 +29,8 @@ class PressTest:
     def __init__(self, force: float, load: float, depth: Callable[[float], float]):
         self._depth, self._least = depth, max(PRESSED * force, load)
         self._aim = self._least + SURPLUS * force
-        self.deepest = UNLIKE * (depth(self._least) - depth(load))
+        # The pad may have touched the end of an edge, where it would meet little force for long.
+        self.deepest = min(UNLIKE * (depth(self._least) - depth(load)), PRESS_DEPTH)
         self.pressed, self._release, self._lasted = False, 0.0, 0.0
         self._way: dict[int, tuple[float, float]] = {}  # advance and load, by stamp
 
