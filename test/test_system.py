@@ -8,7 +8,6 @@ from tactile_tests.graph import bench, half_rates, ROBOT, stamp_of
 
 from edge_tracking.graph import private_port
 from tactile_common.ros.conversions import pose_to_msg
-from tactile_common.ros.domains import hold_domain
 from tactile_msgs.msg import Contact, ServoStatus
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
 from tactile_sensing.nodes.driver import DriverNode
@@ -34,12 +33,12 @@ start: {{s: 0.1, offset: {offset}, height: -0.001, yaw: {yaw}}}
 
 @pytest.fixture(scope='module')
 def tracked(tmp_path_factory):
-    """Track a short way once; the tests look at what happened."""
-    rates = half_rates(tmp_path_factory.mktemp('rates'))
-    with bench(parameters=rates, domain=hold_domain()) as it:  # it lasts, and is not heard
+    """Track a short way once; the tests look at what happened, when the graph is gone."""
+    with bench(parameters=half_rates(tmp_path_factory.mktemp('rates'))) as it:
         it.add_all()
         it.client = it.track(length=LENGTH)
-        yield it
+        it.rate = it.node('edge_servo').get_parameter('rate').value
+    return it
 
 
 def settled(it):
@@ -86,8 +85,7 @@ def test_every_cycle_is_accounted_for(tracked):
     stamps = np.array([stamp_of(status) for status in statuses])
     assert np.all(np.diff(stamps) > 0)
     missed = statuses[-1].missed_cycles - statuses[0].missed_cycles
-    rate = tracked.node('edge_servo').get_parameter('rate').value
-    cycles = rate * (stamps[-1] - stamps[0])
+    cycles = tracked.rate * (stamps[-1] - stamps[0])
     # However loaded the machine: every cycle that was due has come or is told as missed, but for
     # those that wait up to .3 periods for pictures which such a machine brings unevenly.
     begun = statuses[-1].cycles - statuses[0].cycles
