@@ -146,8 +146,8 @@ def follow(case: Case, seed: int) -> tuple[dict[str, Any], list, list]:
     scene = replace(load_scene(scene_file(case.scene)), start=case.start)
     if case.step is not None:
         scene = replace(scene, surface=Placed(StepShape(case.step), scene.surface.top))
-    bounds = ServoConfig(force=ForceBounds(max_load=20.0)) if max(
-        case.goal.force, case.before) > 10.0 else ServoConfig()
+    hardest = max(case.goal.force, case.before)
+    bounds = ServoConfig(force=ForceBounds(max_load=max(12.0, 1.5 * hardest)))
     robot = gantry(scene.plant.acceleration, case.wrist) if case.wrist else None
     simulation = Simulation(scene, case.law, seed=seed, settings=case.settings, config=bounds,
                             latency=case.latency, robot=robot)

@@ -38,13 +38,13 @@ class ForceBounds:
     """Bound of the force on the pad."""
 
     max_load: float = bounded(
-        12.0, 'the pad is lifted off above this force; a goal may ask for five sixths of it', 'N',
+        12.0, 'the pad is lifted off above this force; a goal may ask for two thirds of it', 'N',
         0.1, 1e4)
 
     @property
     def max(self) -> float:
-        """Largest force that a goal may ask for [N]: the rest is for overshoot."""
-        return self.max_load / 1.2
+        """Largest force that a goal may ask for [N]: corners of 90 degrees raise it by half."""
+        return self.max_load / 1.5
 
 
 @dataclass(frozen=True)

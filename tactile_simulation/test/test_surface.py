@@ -263,7 +263,7 @@ def test_a_goal_ends_after_its_duration():
 
 def test_a_hard_press_is_relieved():
     # From 15 N, as a hold and what follows it may leave the probe.
-    config = ServoConfig(force=ForceBounds(max_load=20.0))
+    config = ServoConfig(force=ForceBounds(max_load=22.5))
     simulation = Simulation(scene_of(SPHERE, start=SurfaceStart()), config=config)
     simulation.run(SurfaceGoal(0.001, 15.0, length=0.2), 2.5)
     assert simulation.log[-1].force > 14.0
