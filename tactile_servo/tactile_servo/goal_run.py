@@ -63,6 +63,7 @@ class GoalRun:
         self.reference: Reference | None = None  # last one of the law, while it moves the pad
         self.observed = -np.inf  # steady time of the law's last observation [s]
         self.success = False  # whether the goal was reached
+        self._unfelt = 0.0  # largest unfelt force of the law so far [N]
         self.hold = Hold(Phase.APPROACH, Reason(ReasonCode.NONE), -np.inf)
         self._config, self._law, self._inputs, self._motion = config, law, inputs, motion
         self._way = NormalWay(config, goal, law, inputs, motion)
@@ -295,7 +296,8 @@ class GoalRun:
         """Return the law's assessment of this cycle."""
         if self._found is None:
             inputs, law = self._inputs, self._law
-            self._found = law.assess(self._now, self.statistics.length, inputs.load)
+            self._found = law.assess(self._now, self.statistics.tracked_length, inputs.load)
+            self._unfelt = max(self._unfelt, law.unfelt)
             seen, contact = law.error, inputs.contact
             if seen is not None and contact is not None and self._found.state is not State.HOLD:
                 self.statistics.see(seen, inputs.pose, contact.stamp_ns)
@@ -311,10 +313,10 @@ class GoalRun:
 
     def _objection(self) -> str:
         """Return why the end of a goal is no success, '' if it is one."""
-        beside, unfelt = self.statistics.beside, self._law.unfelt
+        beside, unfelt = self.statistics.beside, self._unfelt
         if beside > BESIDE:
             return f"but {100.0 * beside:.0f} % of the images saw it beside the pad's centre"
-        return f'but by its depth the pad presses {unfelt:.1f} N harder than the images show' if (
+        return f'but by its depth the pad pressed {unfelt:.1f} N harder than the images show' if (
             doubted(unfelt, self.goal.force)) else ''
 
     def _lifted(self) -> Reason | None:

@@ -333,6 +333,21 @@ def test_time_that_stands_holds_and_is_not_taken_up_unasked(it):
     it.check()
 
 
+def test_a_stamp_clock_that_stood_before_the_goal_is_no_clock_that_differs():
+    loop = puma_loop()
+    for _ in range(40):
+        loop.step()
+    cycle, stands = loop.servo.cycle, round(loop.now * 1e9)
+    loop.servo.cycle = lambda now, now_ns: cycle(now, stands)
+    for _ in range(8):
+        loop.step()
+    loop.servo.cycle = cycle
+    sent, accept = [], loop.robot.accept
+    loop.robot.accept = lambda window, now: (sent.append(window.stamp_ns), accept(window, now))
+    loop.run(GOAL, 20.0)
+    assert loop.servo.success and len(sent) > 10 and all(sent)
+
+
 def test_what_is_wrong_around_the_servo_holds_and_refuses(it):
     loop, why = it.loop, (ReasonCode.SEVERAL_PUBLISHERS, '/tactile/image has 2')
     loop.servo.around = why = type(loop.servo.reason)(*why)

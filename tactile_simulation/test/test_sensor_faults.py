@@ -68,6 +68,12 @@ def test_gain_that_fades_is_no_edge_that_descends():
     assert healthy['ok']
 
 
+@pytest.mark.parametrize('scene', ['wave', 'straight_3d', 'straight'])
+def test_gain_that_fades_from_before_the_touch_is_no_success(scene):
+    _, summary = run(scene, EdgeGoal(0.2, 8.0, length=0.1), 'fade@0:4', law='resolved_rate')
+    assert not summary['ok'], summary['reason']
+
+
 @pytest.mark.parametrize('scene', ['step_down', 'gap', 'slip', *(
     pytest.param(scene, marks=pytest.mark.long) for scene in ('wave', 'step_up', 'noise'))])
 def test_no_false_alarm_of_a_light_touch(scene):

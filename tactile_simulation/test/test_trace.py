@@ -9,7 +9,7 @@ from puma_loop import puma_loop, ROOT, steady
 import pytest
 
 from tactile_sensing.types.image import Layer, TactileImage
-from tactile_servo.config import HoldConfig, PRESS_DEPTH, ServoConfig
+from tactile_servo.config import ForceBounds, HoldConfig, PRESS_DEPTH, ServoConfig
 from tactile_servo.law import Observation
 from tactile_servo.laws.edge_config import AttitudeConfig, EdgeFollowingConfig, SpeedConfig
 from tactile_servo.laws.edge_following import EdgeFollowing
@@ -121,6 +121,28 @@ def test_a_pad_that_stands_askew_coasts_until_the_edge_has_passed(seed):
     assert summary['ok'] and summary['reason_code'] == 'edge_ended', summary['reason']
 
 
+def test_saturated_tactels_slow_the_pad_down_beyond_the_end_too():
+    """Such a pad moves less than it should: the end is where it has come, not where it should."""
+    scene = load_scene(ROOT / 'launch/scenes/curve.yaml')
+    loop = Simulation(replace(scene, start=replace(scene.start, s=0.1)), 'trace',
+                      config=ServoConfig(force=ForceBounds(max_load=15.0)))
+    loop.run(EdgeGoal(0.2, 10.0), 20.0)
+    assert loop.servo.success, loop.servo.reason
+
+
+@pytest.mark.parametrize('law', ['trace', 'resolved_rate'])
+@pytest.mark.parametrize('length, success', [(0.008, False), (0.02, True)])
+def test_success_needs_an_edge_that_is_longer_than_the_settling(law, length, success):
+    """What the pad coasts beyond the end does not count."""
+    scene = EdgeScene('short', '', lifted(
+        walk((0.36, -0.08), np.pi / 2, [(length, 0.0)]), 0.15), start=Start(s=0.0, offset=0.0))
+    loop = Simulation(scene, law)
+    loop.run(EdgeGoal(0.03, 5.0), 20.0)
+    assert loop.servo.reason.code == ReasonCode.EDGE_ENDED, loop.servo.reason
+    assert loop.servo.success == success, loop.servo.reason
+    assert loop.servo.statistics.tracked_length < length + 1e-3
+
+
 def test_a_pad_that_was_mostly_beside_the_edge_has_not_tracked_it():
     """The edge jumps by 12 mm under a fast pad: most of what it traced was not there."""
     simulation, summary = follow('slip', 0.2)
@@ -194,7 +216,7 @@ def test_a_pad_that_touches_with_its_rim_presses_no_deeper_than_allowed():
     scene = load_scene(ROOT / 'launch/scenes/straight.yaml')
     loop = Simulation(replace(scene, start=replace(
         scene.start, s=0.2, offset=0.012, yaw=30.0)), 'trace')
-    loop.run(EdgeGoal(0.03, 10.0), 20.0)
+    loop.run(EdgeGoal(0.03, 8.0), 20.0)
     touch = next(cycle.pose[2, 3] for cycle in loop.log if cycle.force > 0.0)
     deepest = min(cycle.pose[2, 3] for cycle in loop.log)
     # The rim is felt late, images lag behind, and the pad has to stop.

@@ -174,7 +174,7 @@ class EdgeFollowing:
             return done(ReasonCode.EDGE_LOST, 'the ridge ends, but the pad is pressed')
         if not self._reaching.over:
             return self._search(self._reaching)
-        return edge_end(self.goal, progress, 2.0 * scale.half)
+        return edge_end(self.goal, progress)
 
     def _search(self, mode: Mode) -> Assessment:
         self._mode = mode

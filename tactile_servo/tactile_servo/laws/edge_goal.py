@@ -5,6 +5,7 @@ import math
 from tactile_servo.control.progress import LapGuard
 from tactile_servo.law import Assessment, done, Refusal
 from tactile_servo.reasons import ReasonCode
+from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import EdgeGoal, State
 
 
@@ -28,12 +29,13 @@ def goal_end(goal: EdgeGoal, laps: LapGuard, progress: float, found: Assessment)
     return done(ReasonCode.LAP_LIMIT, problem) if problem else found
 
 
-def edge_end(goal: EdgeGoal, progress: float, shortest: float) -> Assessment:
+def edge_end(goal: EdgeGoal, progress: float) -> Assessment:
     """
     End the goal at the end of the edge.
 
-    It is a success if the goal has no length and is not closed, and `progress` exceeds `shortest`
-    [m].
+    It is a success if the goal has no length and is not closed, and the `progress` [m] is long
+    enough for its errors to be known.
     """
-    asked = goal.length == 0.0 and not goal.closed
-    return done(ReasonCode.EDGE_ENDED, success=asked and progress > shortest)
+    if goal.length == 0.0 and not goal.closed and progress > SETTLING_LENGTH:
+        return done(ReasonCode.EDGE_ENDED, success=True)
+    return done(ReasonCode.EDGE_ENDED, f'after {1e3 * progress:.0f} mm')

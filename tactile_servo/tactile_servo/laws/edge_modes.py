@@ -14,7 +14,8 @@ END_MARGIN = 1.5  # grains before the end of a ridge at which coasting begins
 # Half sizes of the pad: a half diagonal, after which an edge has left the pad in any direction
 PAD_LEFT = 1.42
 SEARCH_REACH = 1.18  # half sizes of the pad, longest way of a search towards the load
-PROBED_DEPTH = 0.9  # share of PRESS_DEPTH; the rest is reserved for the stop
+# Share of PRESS_DEPTH; the rest is passed in the longest pause of the cycles, and in the stop.
+PROBED_DEPTH = 0.8
 STILL = np.zeros(3)
 
 # Motion of a cycle in the frame of the plane: velocity x, y in the plane and along its normal
@@ -39,7 +40,8 @@ class Coasting:
     reason = Reason(ReasonCode.COASTING)
 
     def __init__(self) -> None:
-        self._way = 0.0  # since the end of the ridge came into view [m]
+        # Distance of the commanded pad from where the end of the ridge came into view [m]
+        self._way, self._begin = 0.0, np.zeros(0)
 
     def begun(self, scale: PadScale) -> bool:
         """Return True until the end of the ridge is reached."""
@@ -53,8 +55,10 @@ class Coasting:
 
     def move(self, motion: EdgeMotion, place: PathPosition, robot: Motion, dt: float) -> Wanted:
         """Return the motion of the next cycle."""
+        there = place.there[:3, 3]
+        self._begin = self._begin if self._begin.size else there.copy()
+        self._way = float(np.linalg.norm(there - self._begin))
         velocity = motion.along(place, robot, dt, may_lift=True)
-        self._way += motion.speed * dt
         return velocity, motion.press(place, dt, may_press=False), STILL
 
 

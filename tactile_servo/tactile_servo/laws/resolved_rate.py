@@ -12,6 +12,7 @@ from tactile_sensing.types.contact import ContactType
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import image_patience, MAX_STAMP_AGE, ServoConfig, STALE_AFTER
 from tactile_servo.control.press_check import PressCheck
+from tactile_servo.control.press_test import PRESSED
 from tactile_servo.control.progress import LapGuard
 from tactile_servo.control.scaling import clipped, ramp, slewed
 from tactile_servo.control.stability import AGE_SHARE, gain_limit
@@ -44,7 +45,6 @@ END_BEHIND = 0.35  # distance by which the centre of pressure moves backwards wh
 MISSED = 0.1  # lateral distance of the edge at its end, above which the pad may have missed a turn
 # Shares of the wanted force:
 FIRM = 0.5  # force from which on the pad keeps its speed
-CHECKED = 0.9  # force above which force and depth are compared
 OVERFORCE = 1.5  # times the wanted force, above which the goal ends
 UNKNOWN = EdgeFeatures(math.nan, math.nan, math.nan, math.nan)
 
@@ -193,9 +193,10 @@ class ResolvedRate:
         if contact.type == ContactType.LINE:  # K_z = 2 L k; valid for any length under the pad
             up = [0.0, math.sin(features.tilt), math.cos(features.tilt)]
             length = 2.0 * self._array.half_width_y
+            at = pose @ [features.lateral, features.remaining, 0.0, 1.0]
             self._press.see(
-                pose[:3, 3], pose[:3, :3] @ up, contact.line_force * length / self.stiffness,
-                features.force > CHECKED * self.goal.force)
+                at[:3], pose[:3, :3] @ up, contact.line_force * length / self.stiffness,
+                features.force > PRESSED * self.goal.force)
 
     @property
     def stiffness(self) -> float:
@@ -228,12 +229,11 @@ class ResolvedRate:
         if load > OVERFORCE * goal.force:
             return overforce(load, goal.force, OVERFORCE)
         ahead = goal.direction * self.features.remaining
-        shortest = 2.0 * array.half_width_y
-        if ahead < -END_BEHIND * array.half_width_y and progress > shortest:
+        if ahead < -END_BEHIND * array.half_width_y:
             aside = abs(self.features.lateral)
             if aside > MISSED * array.half_width_x:
                 return done(ReasonCode.ENDED_BESIDE, f'{1e3 * aside:.1f} mm')
-            return edge_end(goal, progress, shortest)
+            return edge_end(goal, progress)
         return Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, robot: Motion,
