@@ -1,12 +1,14 @@
 """The command `replay`: what it writes, what it refuses, what it says of bags that are broken."""
-import contextlib
+from contextlib import ExitStack, nullcontext
 import csv
 import errno
 from functools import partial
 import json
 import math
 from pathlib import Path
+import shutil
 import sys
+import time
 from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseStamped as Pose
@@ -18,8 +20,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from std_msgs.msg import String
 
 from edge_tracking.recording.writer import BagWriter
-from edge_tracking.replay.command import main
+from edge_tracking.replay.command import bags_in, main, mapped, result_name
 from edge_tracking.replay.comparison import Comparison, distance, Replayed
+from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.cdr import packed
 from tactile_common.ros.message_definitions import definition
@@ -169,23 +172,62 @@ def test_a_goal_that_ends_later_than_it_was_recorded_goes_on(capsys, tmp_path):
 
 
 def test_many_bags_fail_alone_and_are_not_done_again(capsys, tmp_path):
-    many, out = tmp_path / 'many', tmp_path / 'out'
+    many, out = tmp_path / 'many', tmp_path / 'many/out'
     many.mkdir()
     (many / 'broken.mcap').touch()
     (many / 'good.mcap').write_bytes(file_of(GOLDEN).read_bytes())
-    args = [str(many), '--compare', '-o', str(out)]
-    assert main([*args, '--jobs', '2']) == 2
-    rows = capsys.readouterr().out.splitlines()
-    assert [row[0] for row in rows] == ['2', '0'] and 'empty' in rows[0]
-    assert main(args) == 2
-    assert 'done before' in capsys.readouterr().out.splitlines()[1]
+
+    def rows(*more):
+        assert main([str(many), '-o', str(out), *more]) == 2
+        return capsys.readouterr().out.splitlines()
+    first = rows('--jobs', '2')
+    assert [row[0] for row in first] == ['2', '0'] and 'empty' in first[0]
+    assert 'done before' in rows()[1]
+    (many / 'good.mcap').touch()
+    assert 'joint_trajectory' in rows()[1]  # the bag may be another one
+    slower = '--set', 'edge_servo.approach.speed=0.02', '--compare'
+    assert rows(*slower)[1] == f'1  {many / "good.mcap"}  they differ'
+    assert rows(*slower)[1] == f'1  {many / "good.mcap"}  done before'
+
+
+def test_every_recording_in_a_folder_is_found_once_and_has_its_own_result(tmp_path):
+    made = ('a/b_c/metadata.yaml', 'a/b_c/bag.mcap', 'a_b/c/metadata.yaml',
+            'a_b/c/bag.mcap.zstd', 'killed/killed.mcap', 'speed_0.01.mcap', 'speed_0.02.db3',
+            'out/a+b/bag/metadata.yaml')
+    for name in made:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    bags = bags_in([str(tmp_path)], tmp_path / 'out')
+    assert {str(bag.relative_to(tmp_path)) for bag in bags} == {
+        'a/b_c', 'a_b/c', 'killed', 'speed_0.01.mcap', 'speed_0.02.db3'}
+    assert bags_in([str(tmp_path / 'killed')], None) == [tmp_path / 'killed']
+    assert bags_in([str(tmp_path / 'a')], None) == [tmp_path / 'a/b_c']
+    names = {result_name(Path(bag)) for bag in (*bags, tmp_path / 'a+b_c', tmp_path / 'a%2Bb_c')}
+    assert len(names) == 7 and not any('/' in name for name in names)
+    with pytest.raises(ConfigurationError, match='name another folder'):
+        bags_in([str(tmp_path)], tmp_path)
+
+
+def test_a_folder_of_one_recording_is_one_of_many(capsys, tmp_path):
+    shutil.copytree(GOLDEN, tmp_path / 'runs/noise')
+    assert main([str(tmp_path / 'runs'), '-o', str(tmp_path / 'out')]) == 0
+    assert capsys.readouterr().out.startswith('0  ')
+    assert [path.name for path in tmp_path.glob('out/*/*.json')] == ['result.json']
+
+
+def test_an_interrupt_ends_the_workers():
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), ExitStack() as stack:
+        next(mapped(2, '', stack)(time.sleep, [0.0, 100.0, 100.0]))
+        raise KeyboardInterrupt
+    assert time.monotonic() - begin < 50.0
 
 
 def test_many_bags_on_a_cluster(capsys, tmp_path, monkeypatch):
     """A client that computes at once stands for the cluster."""
     (tmp_path / 'broken.mcap').touch()
 
-    class Client(contextlib.nullcontext):
+    class Client(nullcontext):
         def __enter__(self):
             return self
 

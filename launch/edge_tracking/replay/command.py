@@ -1,5 +1,6 @@
 """The command `replay`."""
 import argparse
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from contextlib import ExitStack
@@ -8,17 +9,22 @@ from functools import partial
 from importlib.util import find_spec
 import json
 import math
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from shutil import rmtree
+import signal
 import sys
+from typing import Any
 
 from edge_tracking.replay.comparison import TOLERANCE
-from edge_tracking.replay.one import describe, Options, replay_one, RESULT
+from edge_tracking.replay.one import describe, made_of, Options, replay_one, RESULT
 from tactile_common.command_line import between, Parser, REFUSED, refusing
 from tactile_common.errors import ConfigurationError
 from tactile_common.progress import Progress
 from tactile_servo.compile_kernels import compile_kernels
+
+METADATA = 'metadata.yaml'
+FILES = (METADATA, '*.mcap', '*.db3', '*.mcap.zstd', '*.db3.zstd')  # of recordings
 
 
 def parser() -> argparse.ArgumentParser:
@@ -36,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
     add('--from', dest='source', choices=('image', 'contact'), default='image',
         help='estimate contacts anew (default), or take the recorded ones')
     add('--set', dest='changes', action='append', default=[], metavar='NODE.PARAM=VALUE',
-        help='another value of a parameter, for instance edge_servo.force.gain=0.5')
+        help='another value of a parameter, for instance edge_servo.force.gain=30')
     add('-o', '--out', type=Path, metavar='OUT',
         help='new folder to write: bag, contacts.csv, cycles.csv, result.json')
     add('--parquet', action='store_true',
@@ -70,28 +76,53 @@ def options_of(given: argparse.Namespace) -> Options:
                    dict(given.tolerances), given.namespace, given.parquet)
 
 
-def bags_in(paths: Sequence[str]) -> list[Path]:
-    """Find recordings: the given ones, and all inside folders that are not recordings."""
+def bags_in(paths: Sequence[str], out: Path | None) -> list[Path]:
+    """
+    Find recordings: the given ones, and all inside folders that are not recordings.
+
+    What is inside the folder of the results is not replayed again.
+    """
     found: list[Path] = []
     for path in map(Path, paths):
-        files = [*path.rglob('*.mcap'), *path.rglob('*.db3')] if path.is_dir() else []
-        # A folder with metadata is one recording; otherwise each file is one.
-        found += sorted({file.parent if (file.parent / 'metadata.yaml').exists() else file
-                         for file in files}) or [path]
+        by_folder = defaultdict[Path, list[Path]](list)
+        for pattern in FILES:
+            for file in path.rglob(pattern):
+                by_folder[file.parent].append(file)
+        # A folder is one recording if it has metadata or, of a killed recorder, one .mcap file.
+        inside = [bag for folder, files in sorted(by_folder.items()) for bag in (
+            [folder] if (folder / METADATA).exists() or [it.suffix for it in files] == ['.mcap']
+            else sorted(files))]
+        if out and inside not in ([], [path]):
+            inside = [bag for bag in inside if not bag.resolve().is_relative_to(out.resolve())]
+            if not inside:
+                raise ConfigurationError(
+                    f'-o {out}: holds the recordings of {path}; name another folder')
+        found += inside or [path]
     return found
+
+
+def result_name(bag: Path) -> str:
+    """Return the name of a recording's result: its path with + for /, of each path another."""
+    path = str(bag.resolve())[1:]
+    return path.replace('%', '%25').replace('+', '%2B').replace('/', '+')
 
 
 def replay_apart(options: Options, bag: Path) -> tuple[int, str]:
     """Replay one of many recordings, unless this was done before; return status and a text."""
-    folder = options.out and options.out / '_'.join(bag.resolve().with_suffix('').parts[1:])
-    if folder and (folder / RESULT).exists():
-        return json.loads((folder / RESULT).read_text())['status'], 'done before'
     try:
-        if not folder:
+        if not options.out:
             return _replay(bag, options)
+        folder = options.out / result_name(bag)
+        done = (folder / RESULT).exists()
+        if done:
+            result = json.loads((folder / RESULT).read_text())
+            if result.get('made_of') == made_of(bag, options):
+                return result['status'], 'done before'
         part = folder.with_name(f'{folder.name}.part')  # may be left by an interrupted replay
         rmtree(part, ignore_errors=True)
         ended = _replay(bag, replace(options, out=part))
+        if done:
+            rmtree(folder)
         part.rename(folder)
         return ended
     except (ConfigurationError, OSError) as error:
@@ -120,17 +151,30 @@ def mapped(jobs: int, dask: str, stack: ExitStack) -> Callable[..., Iterator[tup
             function, items, pure=False))
     if jobs == 1:
         return map
-    pool = ProcessPoolExecutor(jobs, mp_context=get_context('spawn'))
-    stack.callback(pool.shutdown, cancel_futures=True)
-    return pool.map
+    pool = stack.enter_context(ProcessPoolExecutor(jobs, mp_context=get_context('spawn')))
+    stack.push(_end_workers)
+
+    def run(function: Callable[..., Any], items: Sequence[Any]) -> Iterator[tuple[int, str]]:
+        interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN)  # the workers inherit this
+        try:
+            return pool.map(function, items)
+        finally:
+            signal.signal(signal.SIGINT, interrupt)
+    return run
+
+
+def _end_workers(kind: type[BaseException] | None, *_: Any) -> None:
+    """End the worker processes at once if the command ends by an exception."""
+    for worker in active_children() if kind else ():
+        worker.terminate()
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the command; the exit status is explained by `--help`."""
     with refusing('replay', BrokenExecutor) as command, ExitStack() as stack:
         given = parser().parse_args(args)
-        options, bags = options_of(given), bags_in(given.bags)
-        if len(bags) == 1 and not given.dask:
+        options, bags = options_of(given), bags_in(given.bags, given.out)
+        if bags == [Path(given.bags[0])] and not given.dask:
             compile_kernels()
             result = replay_one(bags[0], options)
             print(describe(result), file=sys.stderr)

@@ -2,7 +2,7 @@
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from heapq import merge
 import json
@@ -23,6 +23,7 @@ from edge_tracking.recording.topics import GraphBag
 from edge_tracking.replay.comparison import COMPARED, Comparison
 from edge_tracking.replay.output import Output
 from edge_tracking.replay.servo_core import ServoCore
+from tactile_common.command_line import version_of_all
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.progress import Progress
 from tactile_common.ros.bag_reader import Bag, Recorded
@@ -68,6 +69,15 @@ class Options:
     parquet: bool = False  # tables as Parquet too
 
 
+def made_of(path: str | Path, options: Options) -> dict[str, Any]:
+    """Return what a result depends on: options, version, size and time of the files."""
+    bags = [Path(path), *([Path(options.compare)] if options.compare else [])]
+    files = {str(file.resolve()): (file.stat().st_size, file.stat().st_mtime_ns)
+             for bag in bags for file in (bag, *bag.glob('*')) if file.is_file()}
+    return json.loads(json.dumps(  # as it is read from a file
+        {**asdict(replace(options, out=None)), 'version': version_of_all(), 'files': files}))
+
+
 @dataclass
 class Result:
     """Result of a replay."""
@@ -80,6 +90,7 @@ class Result:
     faults: list[str] = field(default_factory=list)  # why it cannot be read whole
     equal: bool | None = None
     table: str = ''
+    made_of: dict[str, Any] = field(default_factory=dict)
 
     @property
     def status(self) -> int:
@@ -95,7 +106,7 @@ class Replay:
     """
 
     def __init__(self, path: str | Path, options: Options, stack: ExitStack):
-        self.result = Result(str(path))
+        self.result = Result(str(path), made_of=made_of(path, options))
         self.bag = stack.enter_context(GraphBag(path, options.namespace))
         self.bag.require_touch()
         settings, has = Settings(self.bag), self.bag.topic
