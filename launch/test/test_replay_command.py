@@ -135,17 +135,30 @@ def test_empty_and_foreign_bags(capsys, tmp_path):
         assert not (tmp_path / 'out').exists()
 
 
-def copy_without(path, *names, more=()):
+def copy_without(path, *names, more=(), namespace='tactile'):
     """Write a golden bag again without some topics, and with more messages (topic, message)."""
     with Bag(GOLDEN) as bag, Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         kept = [topic for topic in bag.topics if topic.rpartition('/')[2] not in names]
         to = {topic: writer.add_connection(
-            topic, bag.topics[topic], msgdef=definition(bag.topics[topic]).text,
+            topic.replace('/tactile/', f'/{namespace}/'), bag.topics[topic],
+            msgdef=definition(bag.topics[topic]).text,
             rihs01=definition(bag.topics[topic]).digest) for topic in kept}
         for row in bag.messages(kept):
             writer.write(to[row.topic], row.received_ns, row.data)
         for topic, message in more:
             writer.write(to[topic], bag.span[1], packed(message))
+
+
+def test_bags_are_compared_by_what_they_have_in_common(capsys, tmp_path):
+    copy_without(tmp_path / 'left', 'surface_patch', namespace='left')
+    status, text = run(capsys, GOLDEN, '--compare', tmp_path / 'left')
+    assert status == 0 and '\ncontact ' in text
+    assert 'left: has no surface_patch: not compared' in text
+    made = 'contact', 'joint_trajectory', 'sensor_pose', 'servo_status', 'surface_patch'
+    copy_without(tmp_path / 'images', *made)
+    status, text = run(capsys, GOLDEN, '--compare', tmp_path / 'images')
+    assert status == 1 and f'images: has no {", ".join(made)}: not compared' in text
+    assert text.splitlines()[-1].startswith('nothing was compared')
 
 
 def test_a_bag_of_before_replays_without_the_servo(capsys, tmp_path):
@@ -280,7 +293,13 @@ def test_a_message_of_one_side_alone_differs_between_others():
     assert compared(2, 3, 4).equal  # it began later and ended sooner
     gap = compared(1, 2, 4, 5)
     assert not gap.equal and gap.topics['contour'].only == [0, 1]
-    assert not compared().equal  # nothing was compared
+    assert not compared().equal and 'nothing was compared' in compared().table()
+    one = compared(2, 4, 6, 8, replayed=(1, 3, 4, 5, 7))  # of two recordings at the same time
+    assert not one.equal and one.topics['contour'].only == [2, 3]
+    other = compared(6, 7)
+    assert not other.equal and 'nothing was compared' in other.table()
+    other.topics['contact'] = compared(1, 2).topics['contour']
+    assert not other.equal and 'they differ' in other.table()
     # The recorded node had no time for an image; a replay that has none is a difference.
     assert compared(1, 2, 4, 5, topic='contact').equal
     assert not compared(1, 2, 3, 4, 5, topic='contact', replayed=(1, 2, 4, 5)).equal

@@ -49,8 +49,9 @@ class Tally:
     """Result of the comparison of one topic."""
 
     compared: int = 0
-    begin: float = math.inf  # stamps of the first and the last pair
-    end: float = -math.inf
+    # Stamps of the first and the last message: recorded, replayed.
+    spans: tuple[list[float], list[float]] = field(
+        default_factory=lambda: ([math.inf, -math.inf], [math.inf, -math.inf]))
     # Messages without a partner by their stamps: recorded, replayed.
     waiting: tuple[dict[int, Message], dict[int, Message]] = field(
         default_factory=lambda: ({}, {}))
@@ -59,16 +60,18 @@ class Tally:
 
     @property
     def only(self) -> list[int]:
-        """Number of messages of each side without a partner, between the first and last pair."""
-        return [sum(self.begin < abs(stamp) < self.end for stamp in side) for side in self.waiting]
+        """Number of messages of each side without a partner, within the span of the other side."""
+        return [sum(begin < abs(stamp) < end for stamp in side)
+                for side, (begin, end) in zip(self.waiting, reversed(self.spans), strict=True)]
 
 
 class Comparison:
     """
     Compares messages of two sides, 0 recorded and 1 replayed, in pairs with equal stamps.
 
-    A message without a partner counts as a difference only between the first and last pair of its
-    topic, because a recording begins and ends in the middle. `tolerances` have the keys
+    A message without a partner counts as a difference only between the first and last message of
+    the other side, because a recording begins and ends in the middle. A topic without a pair
+    counts as a difference, too. `tolerances` have the keys
     `topic.field`, `field`, or '' for all; the default is `TOLERANCE`.
     """
 
@@ -84,6 +87,8 @@ class Comparison:
         if not stamp:  # a window that begins on reception has no stamp
             self._unstamped[topic, side] += 1
             stamp = -self._unstamped[topic, side]
+        span = tally.spans[side]
+        span[:] = min(span[0], abs(stamp)), max(span[1], abs(stamp))
         other = tally.waiting[1 - side].pop(stamp, None)
         if other is None:
             tally.waiting[side][stamp] = message
@@ -93,7 +98,6 @@ class Comparison:
     def _compare(self, topic: str, stamp: int, before: Message, after: Message) -> None:
         tally = self.topics[topic]
         tally.compared += 1
-        tally.begin, tally.end = min(tally.begin, abs(stamp)), max(tally.end, abs(stamp))
         if before.data == after.data:  # the usual case: neither is decoded
             return
         differs = False
@@ -118,24 +122,29 @@ class Comparison:
     @property
     def equal(self) -> bool:
         """True if something was compared and nothing differs."""
-        counts = [(topic, it.differing, *it.only) for topic, it in self.topics.items()]
-        skipped = any(replayed for topic, _, _, replayed in counts if topic in SKIPPED)
-        return any(it.compared for it in self.topics.values()) and not any(
-            differing or recorded or (replayed and topic not in SKIPPED)
-            for topic, differing, recorded, replayed in counts
+        counts = [(topic, it.compared, it.differing, *it.only)
+                  for topic, it in self.topics.items()]
+        skipped = any(replayed for topic, *_, replayed in counts if topic in SKIPPED)
+        return bool(counts) and all(
+            compared and not (differing or recorded or (replayed and topic not in SKIPPED))
+            for topic, compared, differing, recorded, replayed in counts
             if not (skipped and topic == OF_ALL))
 
     def table(self) -> str:
-        """Return a short table of the compared topics, and the first differences."""
-        lines = ['topic               compared  differ  only recorded  only replayed']
+        """Return a short table of the compared topics, the first differences and the verdict."""
+        lines = ['topic               recorded  replayed  compared  differ  only recorded  '
+                 'only replayed']
         for topic, it in self.topics.items():
-            recorded, replayed = it.only
-            lines.append(f'{topic:18} {it.compared:9} {it.differing:7} {recorded:14} '
-                         f'{replayed:14}')
+            all_of = [it.compared + len(side) for side in it.waiting]
+            lines.append(f'{topic:18} {all_of[0]:9} {all_of[1]:9} {it.compared:9} '
+                         f'{it.differing:7} {it.only[0]:14} {it.only[1]:14}')
             lines += [f'  {name}: {count} differ, by {most:.3g} at most'
                       for name, (count, most) in sorted(
                           it.fields.items(), key=lambda item: -item[1][0])[:5]]
-        return '\n'.join([*lines, *self.first])
+        verdict = 'equal within the tolerance' if self.equal else 'they differ'
+        if not any(it.compared for it in self.topics.values()):
+            verdict = 'nothing was compared: no topic has messages with equal stamps on both sides'
+        return '\n'.join([*lines, *self.first, verdict])
 
 
 def unequal(one: Any, other: Any, name: str = '') -> Iterator[tuple[str, Any, Any]]:

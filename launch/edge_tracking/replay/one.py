@@ -123,11 +123,11 @@ class Replay:
         self._made = {*OF_SHAPE, *(OF_IMAGES if from_images else ()),
                       *(OF_SERVO if with_servo else ())}
         self._reference = stack.enter_context(
-            Bag(options.compare)) if options.compare else self.bag
+            GraphBag(options.compare, options.namespace)) if options.compare else self.bag
         self._compares = options.compare is not None
         self.output = Output(
             Comparison(options.tolerances),
-            COMPARED.keys() & self._made & has.keys() if self._compares else ())
+            COMPARED.keys() & self._made & self._reference.topic.keys() if self._compares else ())
         if options.out is not None:
             self.output.open(options.out, self.bag.prefix.strip('/'), stack)
         for node, values in settings.changed.items():  # also in the written recording
@@ -157,7 +157,8 @@ class Replay:
         result, (begin_ns, end_ns) = self.result, self.bag.span
         result.seconds, begun, count = 1e-9 * (end_ns - begin_ns), time.perf_counter(), 0
         for row in self._rows():
-            name = self.bag.name[row.topic]
+            bag = self.bag if row.bag is self.bag else self._reference
+            name = bag.name[row.topic]
             if row.bag is self._reference and name in self.output.compared:
                 self.output.comparison.take(0, name, row)
             if row.bag is self.bag and name not in self._made:
@@ -176,6 +177,10 @@ class Replay:
         if self._servo:
             result.notes += self._servo.notes()
         if self._compares:
+            lacking = COMPARED.keys() & result.counts.keys() - self._reference.topic.keys()
+            if lacking:
+                result.notes.append(f'bag {self._reference.path}: has no '
+                                    f'{", ".join(sorted(lacking))}: not compared')
             result.equal = self.output.comparison.equal
             result.table = self.output.comparison.table()
         return result
@@ -242,11 +247,10 @@ class Replay:
 
     def _rows(self) -> Iterator[Recorded]:
         """Yield the messages to replay and to compare with, in the order of reception."""
-        names = self.bag.name
-        wanted: dict[Bag, set[str]] = {
-            self.bag: {topic for topic in names if names[topic] not in self._made}}
+        wanted: dict[GraphBag, set[str]] = {self.bag: {
+            topic for topic, name in self.bag.name.items() if name not in self._made}}
         wanted[self._reference] = wanted.get(self._reference, set()) | {
-            topic for topic in self._reference.topics if names.get(topic) in self.output.compared}
+            self._reference.topic[name] for name in self.output.compared}
         return merge(*(self._readable(*it) for it in wanted.items()),
                      key=attrgetter('received_ns'))
 
@@ -284,8 +288,7 @@ def describe(result: Result) -> str:
              f'real time: {", ".join(f"{n} {name}" for name, n in sorted(result.counts.items()))}',
              *result.notes]
     if result.table:
-        lines += [result.table,
-                  'equal within the tolerance' if result.equal else 'they differ']
+        lines.append(result.table)
     more = len(result.faults) - MOST_FAULTS
     return '\n'.join([*lines, *result.faults[:MOST_FAULTS],
                       *([f'and {more} faults more'] if more > 0 else [])])
