@@ -15,7 +15,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.qos import QoSProfile
 
-from edge_tracking.recording.topics import short_name, topics
+from edge_tracking.recording.topics import NEEDED, short_name, topics_to_record
 from edge_tracking.recording.writer import BagWriter
 from edge_tracking.resources import NAMESPACE
 from tactile_common.command_line import Parser, refusing
@@ -45,10 +45,11 @@ class RecorderNode(TactileNode):
         self.written = self.dropped = 0
         self.failed = ''
         self._writer = BagWriter(path, topics)
+        self._needed = NEEDED & {short_name(name) for name, _, _ in topics}
         self._thread = threading.Thread(target=self._write_forever, name='bag writer')
         super().__init__('recorder', **kwargs)
         for name, kind, qos in topics:
-            self.create_subscription(kind, name, self._callback(short_name(name)), qos, raw=True)
+            self.create_subscription(kind, name, self._callback(name), qos, raw=True)
         self._thread.start()
 
     def _callback(self, name: str) -> Callable[[bytes], None]:
@@ -88,13 +89,16 @@ class RecorderNode(TactileNode):
             self.get_logger().error(self.failed)
         if self.dropped:
             self.get_logger().warning(f'{self.dropped} messages were not recorded')
+        if silent := self._needed - self._heard:
+            self.get_logger().warning(
+                f'no message was received on {", ".join(sorted(silent))}: a replay needs them')
 
     def _write_waiting(self) -> None:
         while self._waiting:
             name, time, data = self._waiting.popleft()
             self._writer.write(name, time, data)
             self.written += 1
-            self._heard.add(name)
+            self._heard.add(short_name(name))
 
     def _on_diagnose(self) -> None:
         heard = ' '.join(sorted(self._heard.copy()))
@@ -121,7 +125,7 @@ def main(args: list[str] | None = None) -> int:
 
         def record_bag(context: Any) -> RecorderNode:
             return RecorderNode(
-                options.bag, topics(namespace), context=context, namespace=namespace)
+                options.bag, topics_to_record(namespace), context=context, namespace=namespace)
 
         def status_of(node: RecorderNode) -> int:
             if node.failed:

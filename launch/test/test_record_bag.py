@@ -12,10 +12,11 @@ from sensor_msgs.msg import JointState
 from edge_tracking import record_bag
 from edge_tracking.graph import Graph
 from edge_tracking.recording.settings import Settings
-from edge_tracking.recording.topics import GraphBag, topics
+from edge_tracking.recording.topics import GraphBag, topics, topics_to_record
 from edge_tracking.recording.writer import BagWriter
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag
+from tactile_common.ros.cdr import packed
 from tactile_common.ros.conversions import set_stamp, stamp_to_ns
 
 
@@ -38,7 +39,7 @@ def test_what_a_killed_recorder_has_heard_is_there_but_for_the_last_second(tmp_p
     path, sent = tmp_path / 'bag', {}
     with recording(path) as process, Graph(namespace='left') as graph:
         node = graph.add(Node, own={'node_name': 'robot'})
-        publisher = node.create_publisher(JointState, '/joint_states', 10)
+        publisher = node.create_publisher(JointState, '/left/joint_states', 10)
 
         def send():
             message = JointState()
@@ -53,7 +54,7 @@ def test_what_a_killed_recorder_has_heard_is_there_but_for_the_last_second(tmp_p
         killed = time.monotonic()
     numbers = []
     with pytest.raises(ConfigurationError), Bag(path) as bag:
-        for row in bag.messages(['/joint_states']):
+        for row in bag.messages(['/left/joint_states']):
             numbers.append(stamp_to_ns(row.message.header.stamp))
     assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
     assert numbers[0] < 10 and killed - sent[numbers[-1]] < 1.5
@@ -90,9 +91,25 @@ def test_an_interrupt_ends_a_bag_that_says_how_it_was_made(tmp_path):
     assert process.returncode in (0, 130), told
     known = recorded(path)['recorder']
     with Bag(path) as bag:
-        assert '/left/servo_calls' in bag.topics and '/joint_states' in bag.topics
+        assert {'/left/servo_calls', '/joint_states', '/left/joint_states',
+                '/left/joint_trajectory_controller/joint_trajectory'} <= bag.topics.keys()
+    assert 'no message was received on image, joint_states, sensor_info, servo_calls' in told
     assert '--namespace' in known['command'] and 'numpy' in known['versions']
     assert record_bag.main([str(path)]) == 2  # nothing is overwritten
+
+
+@pytest.mark.parametrize('robots, chosen', [
+    (['/joint_states', '/left/joint_states'], '/left/joint_states'),
+    (['/joint_states'], '/joint_states'), (['/left/joint_states'], '/left/joint_states')])
+def test_of_several_robots_the_one_in_the_namespace_of_the_sensor_is_read(
+        tmp_path, robots, chosen):
+    writer = BagWriter(tmp_path / 'bag', topics_to_record('left'))
+    for topic in ('image', *robots):
+        writer.write(topic, 1, packed(JointState()))
+    writer.close()
+    with GraphBag(tmp_path / 'bag', 'left') as bag:
+        assert bag.topic['joint_states'] == chosen
+        assert set(bag.name.values()) == {'image', 'joint_states'}
 
 
 @pytest.mark.graph

@@ -25,6 +25,7 @@ from tactile_msgs.msg import (
 
 OF_SENSORS = ('image', 'contact', 'servo_status')  # they identify a sensor's namespace
 OF_ROBOTS = ('joint_states', 'joint_trajectory')  # in any namespace
+NEEDED = {'image', 'sensor_info', 'joint_states', 'servo_calls'}  # for a replay
 
 
 def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
@@ -44,6 +45,13 @@ def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
     return [(f'{prefix}/{name}', kind, qos) for name, kind, qos in own] + [
         ('/diagnostics', DiagnosticArray, deep), ('/joint_states', JointState, deep),
         ('/joint_trajectory_controller/joint_trajectory', JointTrajectory, deep)]
+
+
+def topics_to_record(namespace: str) -> list[tuple[str, type, QoSProfile]]:
+    """Return the same topics, and those of a robot in the sensor's namespace."""
+    both = topics(namespace)
+    return both + [(f'/{namespace}{name}', kind, qos) for name, kind, qos in both
+                   if namespace and short_name(name) in OF_ROBOTS]
 
 
 def short_name(topic: str) -> str:
@@ -76,11 +84,14 @@ class GraphBag(Bag):
             raise ConfigurationError(
                 f'bag {path}: holds several sensors, {", ".join(found)}; choose a namespace')
         own = {topic: short_name(topic) for topic, _, _ in topics(self.prefix.strip('/'))}
-        own |= {topic: kind for kind in OF_ROBOTS for topic in self.topics
-                if topic.endswith(f'/{kind}')}
-        self.name = {topic: name for topic, name in own.items()
-                     if self.topics.get(topic) == type_name(KINDS[name]) and self.count(topic)}
-        self.topic = {name: topic for topic, name in self.name.items()}
+        robots = {topic: kind for kind in OF_ROBOTS for topic in self.topics
+                  if topic.endswith(f'/{kind}')}
+        # Of several robots, that in the sensor's namespace, or the one without a namespace.
+        named = sorted({**own, **robots}.items(), key=lambda item: (
+            item[0].startswith(f'{self.prefix}/'), item[0] in own))
+        self.topic = {name: topic for topic, name in named
+                      if self.topics.get(topic) == type_name(KINDS[name]) and self.count(topic)}
+        self.name = {topic: name for name, topic in self.topic.items()}
 
     def require_touch(self) -> None:
         """Raise a ConfigurationError if there is neither an image nor a contact."""

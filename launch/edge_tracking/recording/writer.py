@@ -7,6 +7,7 @@ from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import (
+    Connection,
     Qos,
     QosDurability,
     QosHistory,
@@ -32,9 +33,9 @@ class BagWriter:
     """
     A new bag; its contents stay readable if the process dies or the disk fails.
 
-    `topics` are full name, message class and quality of service for players, of each topic; the
-    last parts of the names differ. Raises a ConfigurationError if the folder exists or cannot be
-    made, or a message type is not installed.
+    `topics` are full name, message class and quality of service for players, of each topic. The
+    last part of a name, too, stands for the first topic with it. Raises a ConfigurationError if
+    the folder exists or cannot be made, or a message type is not installed.
     """
 
     def __init__(self, path: str | Path, topics: Sequence[tuple[str, Any, Any]]):
@@ -53,14 +54,16 @@ class BagWriter:
         except OSError as error:
             raise ConfigurationError(
                 f'recording {path}: cannot be made: {error.strerror or error}') from error
-        self._connections = {short_name(name): self._writer.add_connection(
-            name, known.name, msgdef=known.text, rihs01=known.digest,
-            offered_qos_profiles=[_offered(qos)])
-            for (name, _, qos), known in zip(topics, described, strict=True)}
+        self._connections: dict[str, Connection] = {}
+        for (name, _, qos), known in zip(topics, described, strict=True):
+            self._connections[name] = self._writer.add_connection(
+                name, known.name, msgdef=known.text, rihs01=known.digest,
+                offered_qos_profiles=[_offered(qos)])
+            self._connections.setdefault(short_name(name), self._connections[name])
         self._begun: int | None = None  # time of the first message that is not yet on disk [ns]
 
     def write(self, name: str, time_ns: int, data: bytes) -> None:
-        """Write a message of the topic with a short name; OSError if the disk is full."""
+        """Write a message of the topic with a name, short or full; OSError if the disk is full."""
         if self._begun is None:
             self._begun = time_ns
         elif time_ns - self._begun > 1e9 * CHUNK_PERIOD:
