@@ -88,6 +88,11 @@ def test_tolerances_are_by_field(capsys):
     (['--set', 'edge_servo.rate=1e9'], 'rate is 1000000000.0, must be between 10 and 2000 Hz'),
     (['--set', 'edge_servo.rate'], 'must be NODE.PARAM=VALUE'),
     (['--set', 'contact_estimator.method=[1'], '--set contact_estimator.method=[1'),
+    (['--set', 'contact_estimator.method=fit', '--from', 'contact'],
+     'contact_estimator is not replayed, the recorded contacts are taken'),
+    (['--set', 'edge_servo.law=tactile_jacobian'], 'works on goals of track_surface; '),
+    (['--tolerance', 'speed=1'], '--tolerance: needs --compare'),
+    (['--tolerance', 'contact.covarianc=1', '--compare'], 'did you mean contact.covariance?'),
     (['--tolerance', 'x=-1'], '--tolerance: value is -1.0, must be'),
     (['--namespace', 'left'], 'has no image and no contact of a tactile sensor in /left'),
     (['--parquet'], '--parquet: needs -o'),
@@ -167,6 +172,8 @@ def test_a_bag_of_before_replays_without_the_servo(capsys, tmp_path):
     assert status == 0, text
     assert 'estimator and shape alone are replayed' in text and 'the defaults hold' in text
     assert 'surface_patch' in text and 'joint_trajectory ' not in text
+    status, text = run(capsys, tmp_path / 'old', '--set', 'edge_servo.rate=100')
+    assert status == 2 and 'edge_servo is not replayed, the bag is without its calls' in text
 
 
 def test_inputs_that_were_not_recorded_are_told(capsys, tmp_path):
@@ -174,6 +181,7 @@ def test_inputs_that_were_not_recorded_are_told(capsys, tmp_path):
     assert 'joint_states' in str(Bag(GOLDEN).topics)
     status, text = run(capsys, tmp_path / 'deaf', '--compare')
     assert status == 1 and 'joint_trajectory' in text
+    assert ' of joint_states that the servo used were not recorded' in text
 
 
 def test_a_goal_that_ends_later_than_it_was_recorded_goes_on(capsys, tmp_path):

@@ -1,5 +1,5 @@
 """Recorded parameters of the nodes, and changes to them."""
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -12,7 +12,7 @@ from edge_tracking.recording.topics import GraphBag
 from tactile_common.config import did_you_mean
 from tactile_common.errors import ConfigurationError
 from tactile_common.parameter_file import ParameterFile, refuse_unknown
-from tactile_servo.laws.registry import DEFAULT
+from tactile_servo.laws.registry import DEFAULT, law_for, law_named
 from tactile_servo.robot_config import NodeConfig
 
 REPLAYED = ('contact_estimator', 'shape_estimator', SERVO)
@@ -35,8 +35,14 @@ class Settings:
                 self.recorded.setdefault(node, _told(message.new_parameters)).update(
                     _told(message.changed_parameters))
 
-    def change(self, wishes: Sequence[str]) -> None:
-        """Apply changes NODE.PARAM=VALUE; ConfigurationError if node or parameter is unknown."""
+    def change(self, wishes: Sequence[str], idle: Mapping[str, str]) -> None:
+        """
+        Apply changes NODE.PARAM=VALUE; ConfigurationError if node or parameter is unknown.
+
+        `idle` tells of nodes that are not replayed why; their parameters are refused, too, and so
+        is a law that cannot work on the recorded goals.
+        """
+        action = law_named(self.law).action
         for wish in wishes:
             place, equals, text = wish.partition('=')
             node, _, name = place.partition('.')
@@ -45,9 +51,12 @@ class Settings:
             if node not in REPLAYED:
                 raise ConfigurationError(f'--set {wish}: no node {node} is replayed'
                                          f'{did_you_mean(node, REPLAYED)}')
+            if node in idle:
+                raise ConfigurationError(f'--set {wish}: {node} is not replayed, {idle[node]}')
             self.changed.setdefault(node, {})[name] = _value(wish, text)
         for node, values in self.changed.items():
             try:
+                law_for(action, self.law)
                 refuse_unknown(values, [it.name for it in parameters_of(node, self.law)])
                 for kind in NODES[node]:
                     self.config(node, kind)

@@ -72,6 +72,8 @@ def options_of(given: argparse.Namespace) -> Options:
         raise ConfigurationError('--parquet: needs -o, the folder of the tables')
     if given.parquet and find_spec('pyarrow') is None:
         raise ConfigurationError('--parquet: needs pyarrow: pip install pyarrow')
+    if given.tolerances and given.compare is None:
+        raise ConfigurationError('--tolerance: needs --compare')
     return Options(given.source, given.changes, given.out, given.compare,
                    dict(given.tolerances), given.namespace, given.parquet)
 

@@ -7,6 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from edge_tracking.recording.topics import KINDS
+from tactile_common.config import did_you_mean
+from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Recorded
 from tactile_common.ros.cdr import stamp_of, unpacked
 from tactile_common.ros.conversions import NS
@@ -72,10 +75,16 @@ class Comparison:
     A message without a partner counts as a difference only between the first and last message of
     the other side, because a recording begins and ends in the middle. A topic without a pair
     counts as a difference, too. `tolerances` have the keys
-    `topic.field`, `field`, or '' for all; the default is `TOLERANCE`.
+    `topic.field`, `field`, or '' for all; the default is `TOLERANCE`. Raises a ConfigurationError
+    if a key is none of these.
     """
 
     def __init__(self, tolerances: Mapping[str, float]):
+        known = {'', *(name for topic in COMPARED for field in names_of(KINDS[topic]())
+                       for name in (field, f'{topic}.{field}'))}
+        for name in tolerances.keys() - known:
+            raise ConfigurationError(f'--tolerance {name}: no compared message has such a field'
+                                     f'{did_you_mean(name, known)}')
         self._tolerances = tolerances
         self._unstamped: Counter[tuple[str, int]] = Counter()
         self.topics: dict[str, Tally] = {}
@@ -145,6 +154,15 @@ class Comparison:
         if not any(it.compared for it in self.topics.values()):
             verdict = 'nothing was compared: no topic has messages with equal stamps on both sides'
         return '\n'.join([*lines, *self.first, verdict])
+
+
+def names_of(message: Any, name: str = '') -> Iterator[str]:
+    """Yield the names of the fields of a message, with dots; a list is one field."""
+    if not hasattr(message, 'get_fields_and_field_types'):
+        yield name
+        return
+    for key in message.get_fields_and_field_types():
+        yield from names_of(getattr(message, key), f'{name}.{key}' if name else key)
 
 
 def unequal(one: Any, other: Any, name: str = '') -> Iterator[tuple[str, Any, Any]]:

@@ -18,6 +18,7 @@ import numpy as np
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
 
+from edge_tracking.parameters import SERVO
 from edge_tracking.recording.settings import Settings
 from edge_tracking.recording.topics import GraphBag
 from edge_tracking.replay.comparison import COMPARED, Comparison
@@ -110,16 +111,18 @@ class Replay:
         self.bag = stack.enter_context(GraphBag(path, options.namespace))
         self.bag.require_touch()
         settings, has = Settings(self.bag), self.bag.topic
-        settings.change(options.changes)
         from_images = options.source == 'image' and 'image' in has
         with_servo = settings.has_robot and 'servo_calls' in has
+        idle = {} if from_images else {'contact_estimator': 'the recorded contacts are taken'}
         if not with_servo:
+            idle[SERVO] = 'the bag is without its calls or parameters'
             self.result.notes.append('without the calls and parameters of the servo in it: '
                                      'estimator and shape alone are replayed')
         if not settings.recorded:
             self.result.notes.append('without parameters in it: the defaults hold')
         if not from_images and 'contact' not in has:
             raise ConfigurationError(f'bag {path}: has no contact; replay it --from image')
+        settings.change(options.changes, idle)
         self._made = {*OF_SHAPE, *(OF_IMAGES if from_images else ()),
                       *(OF_SERVO if with_servo else ())}
         self._reference = stack.enter_context(

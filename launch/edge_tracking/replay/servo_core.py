@@ -82,10 +82,11 @@ class ServoCore:
         """Return the input with a stamp [ns] and drop earlier ones; None if not recorded."""
         kept = self._kept[name]
         if stamp_ns not in kept:
-            if name in self._begun:  # otherwise it was before the recording
-                self._lost[name] += 1
+            self._lost[name] += 1
             return None
-        self._begun.add(name)
+        if name not in self._begun:
+            self._begun.add(name)
+            del self._lost[name]  # they were before the recording
         while (first := next(iter(kept))) != stamp_ns:
             del kept[first]
         return kept[stamp_ns]
