@@ -202,6 +202,19 @@ def test_what_cannot_be_read_overwrites_nothing(spoil, text, tmp_path, capsys):
     assert text in error and error.count('\n') == 1 and page.read_text() == 'mine'
 
 
+def test_a_full_disk_overwrites_nothing(bag, tmp_path, monkeypatch, capsys):
+    page = tmp_path / 'report.html'
+    page.write_text('mine')
+
+    def write_text(path, text, encoding):
+        path.write_bytes(text[:9].encode(encoding))
+        raise OSError(28, 'No space left on device')
+    monkeypatch.setattr('pathlib.Path.write_text', write_text)
+    assert main([str(bag), '-o', str(page)]) == 2
+    assert 'No space left' in capsys.readouterr().err
+    assert page.read_text() == 'mine' and [*tmp_path.iterdir()] == [page]
+
+
 def cut(path):
     file, = path.glob('*.mcap')
     file.write_bytes(file.read_bytes()[:5000])

@@ -1,13 +1,14 @@
 """Numbers of a run and of a recording against what the made-up run is known to hold."""
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import recorded_run as made
 
 from edge_tracking.recording.frames_summary import force_series, summarise_recording
-from edge_tracking.recording.summary import latencies, summarise, truth
+from edge_tracking.recording.summary import latencies, settled_cycles, summarise, truth
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import State
 from tactile_simulation.metrics import to_json
@@ -46,6 +47,13 @@ def test_summary_of_a_run(run, scene):
     assert summary['missed_cycles'] == 1  # of this goal, not since the node started
     assert summary['too_busy'] is False
     assert summary['cpu_per_cycle'] == pytest.approx(made.CPU_TIME)
+
+
+def test_each_of_two_goals_settles():
+    statuses = SimpleNamespace(
+        state=np.repeat([State.APPROACH, State.TRACK, State.APPROACH, State.TRACK], [1, 3, 1, 3]),
+        progress=np.array([0.0, 0.0, 0.009, 0.01, 0.0, 0.0, 0.009, 0.01]))
+    assert np.flatnonzero(settled_cycles(statuses)[1]).tolist() == [3, 7]
 
 
 def test_lateral_errors_are_those_of_the_true_edge(run, scene):

@@ -13,6 +13,7 @@ import zlib
 import numpy as np
 from numpy.lib import format as npy
 
+from tactile_common.atomic_file import replacing
 from tactile_common.errors import ConfigurationError
 
 MAX_WHOLE = 64 << 20  # bytes of arrays that are read at once
@@ -64,13 +65,8 @@ def read_arrays(path: str | os.PathLike, names: Collection[str],
 
 def write_arrays(path: str | os.PathLike, **arrays: Any) -> None:
     """Write an `.npz` archive atomically: if the process dies, the earlier file remains."""
-    part = Path(f'{path}.{os.getpid()}.part')
-    try:
-        with open(part, 'wb') as file:
-            np.savez(file, **arrays)
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    with replacing(path) as part, part.open('wb') as file:
+        np.savez(file, **arrays)
 
 
 def write_records(path: str | os.PathLike, records: np.ndarray) -> None:

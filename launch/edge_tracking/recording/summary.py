@@ -19,8 +19,7 @@ from tactile_simulation.world import Course, Scene
 def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
     """Return which cycles track, and which of these come after the settling length: `(N,)`."""
     tracking = np.isin(statuses.state, ON_TRACK)
-    settled = np.logical_or.accumulate(tracking & (statuses.progress >= SETTLING_LENGTH))
-    return tracking, tracking & settled
+    return tracking, tracking & (statuses.progress >= SETTLING_LENGTH)
 
 
 def truth(run: RunData, scene: Scene) -> Course:

@@ -19,6 +19,7 @@ from edge_tracking.report import charts, html
 from edge_tracking.report.html import figure
 from edge_tracking.report.player import chosen, player, Shown, stages
 from edge_tracking.web.page import make_page
+from tactile_common.atomic_file import replacing
 from tactile_common.command_line import version_of_all
 from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_simulation.metrics import busy, percentile, rate, shown
@@ -44,9 +45,10 @@ def make_report(path: str | Path, *recordings: Shown) -> None:
                          for column in columns)
         parts.append((f'<h2>{escape(heading)}</h2>\n' if heading else '')
                      + f'<div class="beside">{beside}</div>')
-    Path(path).write_text(make_page(
-        ' \u2013 '.join(titles), '\n'.join(parts), ('tactile.js', 'player.js', 'chart.js'),
-        kind='two' if len(columns) > 1 else ''), 'utf-8')
+    with replacing(path) as part:
+        part.write_text(make_page(
+            ' \u2013 '.join(titles), '\n'.join(parts), ('tactile.js', 'player.js', 'chart.js'),
+            kind='two' if len(columns) > 1 else ''), 'utf-8')
 
 
 def _head(it: Shown) -> str:
