@@ -45,8 +45,9 @@ def parser() -> argparse.ArgumentParser:
     add('--law', choices=list(LAWS), help=LAW_HELP)
     add('--speed', type=float, default=0.03, help='along the edge, over the surface [m/s]')
     add('--force', type=float, default=5.0, help='on the pad [N]')
-    add('--length', type=between(0.0, 10.0, 'm'), default=0.0,
-        help='to track [m]; 0 = until the edge ends or the contour closes; 60 mm on a surface')
+    add('--length', type=between(0.0, 10.0, 'm'),
+        help='to track [m]; default 0 = until the edge ends or the contour closes; along a line '
+        'over a surface 60 mm')
     add('--direction', type=int, choices=(-1, 1),
         help="along an edge, by the sensor's y; default 1")
     add('--pattern', choices=[pattern.name.lower() for pattern in PATTERNS],
@@ -77,23 +78,28 @@ def parser() -> argparse.ArgumentParser:
     return arguments
 
 
-# Options for one action only.
-ONLY = {'track_edge': ('direction',),
-        'track_surface': ('pattern', 'heading', 'size', 'step_over')}
+def refuse_what_does_not_apply(options: argparse.Namespace, scene: Scene) -> None:
+    """Raise a ConfigurationError for an option without effect in a scene."""
+    asked = f'{scene.name}: there a servo is asked for {scene.action}'
+    unused = dict.fromkeys(('pattern', 'heading', 'size', 'step_over'), asked)
+    if scene.action == 'track_surface':
+        way = options.pattern or 'line'
+        unused = {'direction': asked, **dict.fromkeys(
+            ('size', 'step_over') if way == 'line' else ('length',), f'the pattern {way}')}
+    if not options.robot:
+        unused |= dict.fromkeys(('tip', 'start'), 'the gantry; name a --robot')
+    for name, what in unused.items():
+        if getattr(options, name) is not None:
+            raise ConfigurationError(f'--{name.replace("_", "-")} does not apply to {what}')
 
 
 def goal_of(options: argparse.Namespace, scene: Any) -> EdgeGoal | SurfaceGoal:
-    """Return the goal of the options; ConfigurationError if an option does not apply."""
-    for name in (name for action, names in ONLY.items() if action != scene.action
-                 for name in names if getattr(options, name) is not None):
-        raise ConfigurationError(
-            f'--{name.replace("_", "-")} does not apply to {scene.name}: there a servo '
-            f'is asked for {scene.action}')
+    """Return the goal of the options."""
     timeout = CLIENT_TIMEOUT if options.fault else 0.0
     if scene.action == 'track_edge':
         closed = scene.closed and not options.length and LAWS[options.law].closes_contours
-        return EdgeGoal(options.speed, options.force, options.direction or 1, options.length,
-                        closed=closed, client_timeout=timeout)
+        return EdgeGoal(options.speed, options.force, options.direction or 1,
+                        options.length or 0.0, closed=closed, client_timeout=timeout)
     angle = np.radians(90.0 if options.heading is None else options.heading)
     pattern = Pattern[(options.pattern or 'line').upper()]
     return SurfaceGoal(
@@ -142,6 +148,7 @@ def main(argv: list[str] | None = None) -> int:
     with refusing('simulate') as command:
         options = parser().parse_args(argv)
         scene = load_scene(options.scene)
+        refuse_what_does_not_apply(options, scene)
         options.law = law_of(options, scene)
         goal, simulation = goal_of(options, scene), simulation_of(options, scene)
         begin = time.perf_counter()
