@@ -89,7 +89,8 @@ class RecorderNode(TactileNode):
             self.get_logger().error(self.failed)
         if self.dropped:
             self.get_logger().warning(f'{self.dropped} messages were not recorded')
-        if silent := self._needed - self._heard:
+        silent = self._needed - self._heard
+        if silent and not self.failed:
             self.get_logger().warning(
                 f'no message was received on {", ".join(sorted(silent))}: a replay needs them')
 

@@ -158,6 +158,7 @@ def test_bags_are_compared_by_what_they_have_in_common(capsys, tmp_path):
     copy_without(tmp_path / 'left', 'surface_patch', namespace='left')
     status, text = run(capsys, GOLDEN, '--compare', tmp_path / 'left')
     assert status == 0 and '\ncontact ' in text
+    assert 'left: compared are messages of /left, here of /tactile' in text
     assert 'left: has no surface_patch: not compared' in text
     made = 'contact', 'joint_trajectory', 'sensor_pose', 'servo_status', 'surface_patch'
     copy_without(tmp_path / 'images', *made)

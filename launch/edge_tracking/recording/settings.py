@@ -42,7 +42,7 @@ class Settings:
         `idle` tells of nodes that are not replayed why; their parameters are refused, too, and so
         is a law that cannot work on the recorded goals.
         """
-        action = law_named(self.law).action
+        action = law_named(self.law).action if wishes else ''
         for wish in wishes:
             place, equals, text = wish.partition('=')
             node, _, name = place.partition('.')

@@ -48,7 +48,7 @@ def topics(namespace: str) -> list[tuple[str, type, QoSProfile]]:
 
 
 def topics_to_record(namespace: str) -> list[tuple[str, type, QoSProfile]]:
-    """Return the same topics, and those of a robot in the sensor's namespace."""
+    """Return every topic of `topics`, and those of a robot in the sensor's namespace."""
     both = topics(namespace)
     return both + [(f'/{namespace}{name}', kind, qos) for name, kind, qos in both
                    if namespace and short_name(name) in OF_ROBOTS]

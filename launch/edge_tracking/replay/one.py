@@ -20,7 +20,7 @@ from rclpy.parameter import Parameter
 
 from edge_tracking.parameters import SERVO
 from edge_tracking.recording.settings import Settings
-from edge_tracking.recording.topics import GraphBag
+from edge_tracking.recording.topics import GraphBag, OF_SENSORS
 from edge_tracking.replay.comparison import COMPARED, Comparison
 from edge_tracking.replay.output import Output
 from edge_tracking.replay.servo_core import ServoCore
@@ -125,8 +125,7 @@ class Replay:
         settings.change(options.changes, idle)
         self._made = {*OF_SHAPE, *(OF_IMAGES if from_images else ()),
                       *(OF_SERVO if with_servo else ())}
-        self._reference = stack.enter_context(
-            GraphBag(options.compare, options.namespace)) if options.compare else self.bag
+        self._reference = self._bag_to_compare(options.compare, stack)
         self._compares = options.compare is not None
         self.output = Output(
             Comparison(options.tolerances),
@@ -139,6 +138,17 @@ class Replay:
                     Parameter(name, value=value).to_parameter_msg()
                     for name, value in values.items()])))
         self._make_cores(settings, with_servo)
+
+    def _bag_to_compare(self, path: str | None, stack: ExitStack) -> GraphBag:
+        """Open the bag to compare with: its sensor of the same namespace, or its only one."""
+        if not path:
+            return self.bag
+        other = stack.enter_context(GraphBag(path, self.bag.prefix))
+        if not other.topic.keys() & OF_SENSORS:
+            other = stack.enter_context(GraphBag(path))
+            self.result.notes.append(f'bag {path}: compared are messages of '
+                                     f'{other.prefix or "/"}, here of {self.bag.prefix or "/"}')
+        return other
 
     def _make_cores(self, settings: Settings, with_servo: bool) -> None:
         self._estimator = ContactEstimator(settings.config('contact_estimator', EstimatorConfig))
