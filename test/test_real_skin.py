@@ -15,6 +15,7 @@ from benchmarks.contact.real_skin import (
 )
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import Layer
 from tactile_sensing.types.skin import Skin
 
 DEPTH = 2e-3
@@ -112,6 +113,22 @@ def test_noise_of_one_picture_of_a_small_pad(radius, backing, decibels):
     found = estimates(profile, array, frames, 0.0)
     off = 10.0 ** ((decibels - np.nanmedian(found['snr'])) / 20.0)
     assert found['valid'].mean() > 0.95 and 1.0 / 1.8 < off < 1.8
+
+
+@pytest.mark.parametrize('bits', [4, 6, 8])
+@pytest.mark.parametrize('kind', ['ball', 'wedge'])
+def test_rounding_that_is_coarser_than_the_noise_is_noise(kind, bits):
+    """Whole counts with a noise of a tenth of one; neither the noise nor the skin is known."""
+    rng, steps = np.random.default_rng(9), 2**bits - 1
+    [profile] = [it for it in profiles() if it['kind'] == kind and it['radius'] == 1e-3
+                 and it['backing'] == 6e-3 and it['poisson'] == 0.45]
+    places = drawn(profile, 60, rng)
+    frames = rendered(profile, ARRAYS['16x16'], places)
+    frames *= steps / frames.max(axis=(1, 2), keepdims=True)
+    frames = np.rint(frames + 0.1 * rng.standard_normal(frames.shape))
+    share = judge(profile, places, estimates(
+        profile, ARRAYS['16x16'], frames, 0.0, Layer('zz', 0.0, np.empty(0), unit='counts')))
+    assert share.right > 0.9 and share.wrong == 0.0 and share.claims < 1.3
 
 
 @pytest.mark.parametrize('decibels', [30, 40, 50])

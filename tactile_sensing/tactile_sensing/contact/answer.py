@@ -14,7 +14,7 @@ from tactile_common.kernels import njit
 from tactile_sensing.contact.beliefs import ENDS, PATCH, POWER
 from tactile_sensing.contact.hypotheses import search
 from tactile_sensing.contact.misfit import LOUD
-from tactile_sensing.contact.noise import hidden_scale, noise_of_image
+from tactile_sensing.contact.noise import hidden_scale, noise_of_image, noise_of_rounding
 from tactile_sensing.contact.records import Hypothesis, Readings
 from tactile_sensing.contact.refusal import BAD_FIT, NO_CONTACT, TWO_CONTACTS
 from tactile_sensing.image import moments_of
@@ -72,12 +72,14 @@ def _examine(frame: np.ndarray, known: Sensor, saturated: int, noise: np.ndarray
     """
     Write the fields that need no fit; return the highest reading, or 0 without a load to fit.
 
-    Unknown values of `noise` and `full` (layers,) are replaced by those that the image shows.
+    Unknown values of `noise` and `full` (layers,) are replaced by those that the image shows;
+    the noise is at least that of rounding.
     """
     main, pad, clipped, missing = known.main, known.pad, saturated, 0
     for k in range(noise.size):
         if not noise[k] > 0.0:
             noise[k] = noise_of_image(frame[k], True)
+        noise[k] = max(noise[k], noise_of_rounding(frame[k]))
         for value in frame[k].flat:
             missing += np.isnan(value)
             clipped += value >= full[k]
@@ -201,7 +203,7 @@ def _answer(frame: np.ndarray, known: Sensor, saturated: int, kinds: np.ndarray,
         if again or one.fit.evidence == -np.inf or known.noise[main] > 0.0:
             break
         left = (readings.value - one.fit.model).reshape(shape)
-        quieter = noise_of_image(left[main], False)
+        quieter = max(noise_of_image(left[main], False), noise_of_rounding(frame[main]))
         if not quieter < QUIETER * noise:
             break
         noise = quieter

@@ -13,6 +13,7 @@ OF_NOISE = 0.6745 * math.sqrt(6.0)  # median absolute second difference of unit 
 LEAST, TINY = 1e-6, 1e-37  # smallest noise: share of the peak, absolute [unit of the readings]
 COARSE = 30  # with fewer steps of the converter up to the peak, rounding explains equal readings
 LOADED, FINEST = 0.1, 1e-6  # shares of the peak: tactels that count; resolution of readings
+UNEVEN = 0.2  # with a larger deviation from multiples of a step, readings are not rounded [steps]
 
 
 @njit(cache=True, error_model='numpy')
@@ -47,6 +48,24 @@ def noise_of_image(image: np.ndarray, smooth: bool) -> float:
             peak = abs(value)
     least = max(LEAST * peak, TINY)
     return max(best / OF_NOISE, least) if np.isfinite(best) else least
+
+
+@njit(error_model='numpy')
+def noise_of_rounding(image: np.ndarray) -> float:
+    """Return the noise of rounded readings: all of them differ by multiples of a step; or 0."""
+    flat, step, peak = image.ravel(), np.inf, 0.0
+    for value in flat:  # comparisons with NaN are false
+        if abs(value) > peak:
+            peak = abs(value)
+    for i in range(flat.size - 1):
+        size = abs(flat[i + 1] - flat[i])
+        if FINEST * peak < size < step:
+            step = size
+    for i in range(flat.size - 1):
+        steps = (flat[i + 1] - flat[i]) / step
+        if abs(steps - np.rint(steps)) > UNEVEN:
+            return 0.0
+    return step / math.sqrt(12.0) if step < np.inf else 0.0
 
 
 @njit(error_model='numpy')
