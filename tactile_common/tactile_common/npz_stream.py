@@ -194,8 +194,10 @@ class TableReader:
     """
     A table of numbers in a text file (`.csv`), with the interface of `ArrayReader`.
 
-    Commas, semicolons, tabs or blanks separate the numbers. The first line may be a header. Empty
-    lines and lines that begin with # are ignored. The type is integer if all numbers are integers.
+    Commas, semicolons, tabs or blanks separate the numbers; between semicolons or tabs, a comma is
+    a decimal point. The first line may be a header, also of column numbers 0, 1, 2 and so on.
+    Empty lines, lines that begin with # and separators at the end of all lines are ignored. The
+    type is integer if all numbers are integers.
 
     Raises
     ------
@@ -209,11 +211,16 @@ class TableReader:
             text = Path(path).read_text('utf-8-sig', errors='replace')
             lines = [line for line in map(str.strip, text.splitlines())
                      if line and not line.startswith('#')]
-            separator = next((it for it in ',;\t' if lines and it in lines[0]), None)
-            if lines and not _is_row(lines[0], separator):
-                del lines[0]  # a header
+            separator = next((it for line in (*lines[-1:], *lines[:1])  # the first: a header?
+                              for it in ';\t,' if it in line), None)
+            if separator in (';', '\t'):
+                lines = [line.replace(',', '.') for line in lines]
+            if lines and _is_header(lines[0].removesuffix(separator or ' ').split(separator)):
+                del lines[0]
             if not lines:
                 raise ConfigurationError('holds no row of numbers')
+            if separator and all(line.endswith(separator) for line in lines):
+                lines = [line[:-1] for line in lines]
             whole = not set(''.join(lines)) - set('0123456789+-,; \t')
             try:
                 self._table = np.loadtxt(
@@ -227,8 +234,9 @@ class TableReader:
         yield from (self._table[first:first + rows] for first in range(0, len(self._table), rows))
 
 
-def _is_row(line: str, separator: str | None) -> bool:
+def _is_header(cells: list[str]) -> bool:
     try:
-        return bool([float(cell) for cell in line.split(separator)])
+        [float(cell) for cell in cells]
     except ValueError:
-        return False
+        return True
+    return len(cells) > 1 and [cell.strip() for cell in cells] == [*map(str, range(len(cells)))]

@@ -15,7 +15,12 @@ def read(path):
     '# saved\n1 2.5 -3\n4 5  6\n7 8 9\n',
     '1;2.5;-3\r\n4;5;6\r\n\r\n7;8;9\r\n', '1\t2.5\t-3\n4\t5\t6\n7\t8\t9\n',
     '\ufeff1,2.5,-3\n4,5,6\n7,8,9\n', '"x [V]",y,z\n1,2.5,-3e0\n4,5,6\n7,8,9\n',
-], ids=['plain', 'header', 'blanks', 'semicolons', 'tabs', 'byte order mark', 'quoted header'])
+    '0,1,2\n1,2.5,-3\n4,5,6\n7,8,9\n', 'x, y, z\n1;2.5;-3\n4;5;6\n7;8;9\n',
+    '1;2,5;-3\n4;5;6\n7;8;9\n', '1\t2,5\t-3\n4\t5\t6\n7\t8\t9\n',
+    '1,2.5,-3,\n4,5,6,\n7,8,9,\n', 'a,b,c\n1,2.5,-3,\n4,5,6,\n7,8,9,\n',
+], ids=['plain', 'header', 'blanks', 'semicolons', 'tabs', 'byte order mark', 'quoted header',
+        'column numbers', 'commas in the header', 'decimal commas', 'decimal commas and tabs',
+        'commas at the end', 'commas at the end under a header'])
 def test_ways_to_write_a_table(tmp_path, text):
     path = tmp_path / 't.csv'
     path.write_bytes(text.encode())
