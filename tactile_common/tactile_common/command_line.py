@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 import sys
+from traceback import extract_tb
 from types import SimpleNamespace
 from typing import Any, NoReturn
 
@@ -56,10 +57,10 @@ def version_of_all() -> str:
 
 
 def file_to_write(*endings: str) -> Callable[[str], Path]:
-    """Return the type of an option: a file with one of the endings in a folder that exists."""
+    """Return the type of an option: a file in a folder that exists, with one of the endings."""
     def convert(text: str) -> Path:
         path = Path(text)
-        if path.suffix.lower() not in endings:
+        if endings and path.suffix.lower() not in endings:
             raise argparse.ArgumentTypeError(f'{text}: must end in {" or ".join(endings)}')
         if path.is_dir() or not path.parent.is_dir():
             why = 'is a folder' if path.is_dir() else 'there is no such folder'
@@ -71,10 +72,11 @@ def file_to_write(*endings: str) -> Callable[[str], Path]:
 @contextmanager
 def refusing(name: str, *others: type[Exception]) -> Iterator[SimpleNamespace]:
     """
-    Print errors of a command in one line: TactileError, OSError and the given types.
+    Print errors of a command in one line.
 
-    The yielded object's `status` is the exit status: 2 (`REFUSED`) after an error, 130 after an
-    interrupt, otherwise the value that the command sets (initially 0).
+    The yielded object's `status` is the exit status: 2 (`REFUSED`) after TactileError, OSError and
+    the given types, 1 (`FAILED`) after other errors, which are defects of the command, 130 after
+    an interrupt, otherwise the value that the command sets (initially 0).
     """
     command = SimpleNamespace(status=DONE)
     expected: tuple[type[Exception], ...] = (TactileError, OSError, *others)
@@ -83,6 +85,12 @@ def refusing(name: str, *others: type[Exception]) -> Iterator[SimpleNamespace]:
     except expected as error:
         print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
         command.status = REFUSED
+    except Exception as error:
+        where = ' '.join(f'{Path(frame.filename).name}:{frame.lineno}'
+                         for frame in extract_tb(error.__traceback__))
+        print(f'{name}: defect: {type(error).__name__}: {" ".join(str(error).split())} '
+              f'({where})', file=sys.stderr)
+        command.status = FAILED
     except KeyboardInterrupt:
         print(f'{name}: interrupted', file=sys.stderr)
         command.status = INTERRUPTED

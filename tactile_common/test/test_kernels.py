@@ -49,9 +49,10 @@ def test_without_the_variable_it_is_the_users_cache(monkeypatch, tmp_path):
     assert kernels.cache_folder().parent == tmp_path / 'tactile_kernels'
 
 
-def run(made, program='kernels.main()'):
+def run(made, program='sys.exit(kernels.main())'):
     """Run a program on the kernels of the made package in a process of its own; what it says."""
-    code = ("from tactile_common import kernels; kernels.PACKAGES = ('made_package', 'none'); "
+    code = ('import sys; from tactile_common import kernels; '
+            "kernels.PACKAGES = ('made_package', 'none'); "
             f'kernels.config.CACHE_DIR = str(kernels.cache_folder())\n{program}')
     path = os.pathsep.join([str(made.parent), os.environ.get('PYTHONPATH', '')])
     done = subprocess.run([sys.executable, '-c', code], env={**os.environ, 'PYTHONPATH': path},
