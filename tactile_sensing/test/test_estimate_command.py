@@ -144,7 +144,10 @@ def test_options_go_to_the_estimator():
 FRAMES = np.zeros((2, 8, 8))
 WORDS = {
     'no frames': ({'other': FRAMES}, [], "array 'frames' is missing, there are ['other']"),
-    'one frame': ({'frames': FRAMES[0]}, [], 'frames has shape (8, 8), must be'),
+    'one frame': ({'frames': FRAMES[0]}, [], 'frames has shape (8, 8), must be (N, rows, columns)'
+                  ' or (N, layers, rows, columns), none of them 0; a single frame is (1, rows'),
+    'one frame and its shape': ({'frames': FRAMES[0]}, ['--shape', '8', '8'],
+                                '= 64 tactels; a single frame is (1, rows, columns)'),
     'counts': ({'frames': FRAMES.astype('u2')}, [], 'frames are counts (uint16)'),
     'no rows': ({'frames': FRAMES[:, :0]}, [], 'none of them 0'),
     'bool': ({'frames': FRAMES > 0}, [], 'is of type bool'),

@@ -103,6 +103,11 @@ def test_flat_arrays_ask_for_their_shape(run):
         assert f'{given[0]} is given by the calibration' in run('flat.npy', *calibrate(), *given)
 
 
+def test_a_closed_form_asks_for_its_layers(run):
+    np.savez('in.npz', frames=edges())
+    assert '--method moments needs --layers' in run('in.npz', *BARE, '--method', 'moments')
+
+
 def test_integers_need_a_meaning(run):
     np.savez('in.npz', frames=counts(edges()))
     np.savetxt('in.csv', counts(edges()).reshape(4, -1), fmt='%d', delimiter=',')

@@ -104,6 +104,25 @@ def test_noise_free_fit_is_exact():
         contact.line_force * 0.0254 / np.cos(0.4), rel=1e-4)
 
 
+@pytest.mark.parametrize('dtype', [float, int])
+def test_a_masked_reading_is_missing(dtype):
+    frame = noisy(edge(0.002, 0.3), np.random.default_rng(5)).astype(dtype)
+    masked = np.ma.masked_greater(frame, 0.9 * frame.max())
+    missing, layer = masked.astype(float).filled(np.nan), Layer('zz', DEPTH, None, noise_std=NOISE)
+    records = ContactEstimator().estimate_batch(np.array([missing]), ARRAY, [layer])
+    assert records['reasons'][0] & int(Reason.DEAD_TACTELS)
+    assert ContactEstimator().estimate_batch(masked[None], ARRAY, [layer]) == records
+    layer.stress = masked
+    contact = ContactEstimator().estimate(TactileImage(0, 0, (layer,), ARRAY, tared=True))
+    assert contact.x == records['x'][0]
+
+
+def test_a_component_that_is_none_is_named():
+    layers = [Layer(component, DEPTH, None) for component in ('zz', 'yy')]
+    with pytest.raises(ConfigurationError, match="component is 'yy', must be one of zz, xz, yz"):
+        ContactEstimator().estimate_batch(np.zeros((1, 2, *ARRAY.shape)), ARRAY, layers)
+
+
 @pytest.mark.parametrize('scale', [0.5, 3.0])
 def test_estimate_scales_with_pitch_and_force(scale):
     wide = TactelArray(16, 16, scale * ARRAY.pitch_x, scale * ARRAY.pitch_y)

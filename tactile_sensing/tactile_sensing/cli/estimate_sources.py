@@ -18,7 +18,7 @@ from tactile_sensing.cli.options import (
     is_bag,
     read_counts,
 )
-from tactile_sensing.contact.estimator import ContactEstimator
+from tactile_sensing.contact.estimator import ContactEstimator, METHODS
 from tactile_sensing.devices.calibration import Calibration, load_calibration, pitch_pair
 from tactile_sensing.devices.recording import CHUNK, FrameReader
 from tactile_sensing.devices.tare import TareRefusedError
@@ -129,6 +129,9 @@ def _plain(options: argparse.Namespace) -> Frames:
         raise ConfigurationError(
             f'--layers names {len(layers)} (of {options.layers or "zz"}), but frames has shape '
             f'{reader.shape}: {there} layer{"s" * (there > 1)}')
+    if options.layers is None and options.method in METHODS[1:]:
+        raise ConfigurationError(f'--method {options.method} needs --layers: a closed form of the '
+                                 'thesis takes the depth of the tactels')
     scale, (rows, columns) = options.scale or 1.0, reader.shape[-2:]
     return Frames(
         reader, TactelArray(rows, columns, pitch_x, pitch_y),

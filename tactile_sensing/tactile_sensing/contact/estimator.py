@@ -22,7 +22,7 @@ from tactile_sensing.types.contact import (
     Reason,
     RECORD,
 )
-from tactile_sensing.types.image import Layer, TactileImage
+from tactile_sensing.types.image import COMPONENTS, Layer, TactileImage
 from tactile_sensing.types.moments import Moments
 
 # All but 'fit' are closed forms of the thesis; their module is loaded when one is chosen.
@@ -68,7 +68,7 @@ class ContactEstimator:
         layers, array = image.layers, image.array
         if not layers or any(layer.stress.shape != array.shape for layer in layers):
             return self.refuse_malformed()
-        stress = np.array([[layer.stress for layer in layers]], dtype=np.float64)
+        stress = np.array([[_floats(layer.stress) for layer in layers]])
         try:
             record, model = self._estimate(stress, array, layers, image.tared, image.saturated)
         except ConfigurationError:
@@ -87,7 +87,7 @@ class ContactEstimator:
         Parameters
         ----------
         frames : ndarray, shape (N, layers, rows, columns); (N, rows, columns) for one layer
-            Stress in the unit of the layers; NaN: invalid tactel.
+            Stress in the unit of the layers; NaN or masked: invalid tactel.
         array : TactelArray
         layers : sequence of image.Layer
             Their stress is not used. With a depth of 0 the skin is unknown and no forces result.
@@ -106,7 +106,7 @@ class ContactEstimator:
             If the frames have a wrong shape, no layer is 'zz', or a layer has an impossible skin.
         """
         expected = (len(layers), *array.shape)
-        stress = np.array(frames, dtype=np.float64, order='C')
+        stress = _floats(frames)
         if stress.ndim == 3 and len(layers) == 1:
             stress = stress[:, None]
         if stress.ndim != 4 or stress.shape[1:] != expected:
@@ -160,8 +160,16 @@ class ContactEstimator:
         return records, model
 
 
+def _floats(values: Any) -> np.ndarray:
+    """Return a new array of floats; NaN where values are masked."""
+    return np.ma.array(values, np.float64, copy=True, order='C').filled(np.nan)
+
+
 def check_layer(layer: Layer) -> None:
     """Raise a ConfigurationError if no skin can have the values of a layer."""
+    if layer.component not in COMPONENTS:
+        raise ConfigurationError(
+            f'component is {layer.component!r}, must be one of {", ".join(COMPONENTS)}')
     if not ((layer.depth == 0.0 or 1e-6 <= layer.depth <= 1.0) and layer.thickness >= layer.depth
             and 0.0 <= layer.poisson <= 0.5 and 0.0 <= layer.gain_spread < 1.0
             and 0.0 <= layer.force_std < 1.0

@@ -44,13 +44,15 @@ class FrameReader:
         elif shape and (len(there) == 2 or there[-2:] != shape):
             raise ConfigurationError(
                 f'{path}: frames has shape {there}, {source} says {shape[0]} x {shape[1]} = '
-                f'{math.prod(shape)} tactels')
+                f'{math.prod(shape)} tactels'
+                + '; a single frame is (1, rows, columns)' * (there == shape))
         elif table:
             raise ConfigurationError(
                 f'{path}: a row of {there[1]} numbers is a frame: --shape R C says of how many '
                 'rows and columns')
         if len(self.shape) not in (3, 4) or 0 in there:
-            flat = '; of flat frames, (N, rows*columns), --shape R C says rows and columns'
+            flat = ('; a single frame is (1, rows, columns); of flat frames, (N, rows*columns), '
+                    '--shape R C says rows and columns')
             raise ConfigurationError(
                 f'{path}: frames has shape {there}, must be (N, rows, columns) or (N, layers, '
                 'rows, columns), none of them 0' + flat * (len(there) == 2))
