@@ -144,6 +144,56 @@ def test_a_wrong_ball_is_doubted_and_a_missing_recording_is_named(there, profile
     assert '--unloaded is missing' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize('unit, doubted', [(1.0, False), (1e3 / 9.81, True), (1e3, True)])
+def test_forces_in_grams_or_millinewtons_are_doubted(there, profile, capsys, unit, doubted):
+    rng = np.random.default_rng(9)
+    np.savez('b.npz', frames=digitised(presses(profile, 8, rng)[0], rng), force=unit * np.ones(8))
+    assert calibrate.main([*OPTIONS, *SKIN, '--unloaded', 'u.npz', '--ball', 'b.npz',
+                           '--ball-radius', f'{BALL}']) == doubted
+    assert ('MPa under the ball' in capsys.readouterr().err) == doubted
+
+
+@pytest.mark.parametrize('first, frames, threshold', [(40, 5, 0), (60, 1, 12), (0, 20, 0)])
+def test_unloaded_frames_that_somebody_touches_are_left_out(there, profile, capsys, first, frames,
+                                                            threshold):
+    rng = np.random.default_rng(13)
+    pictures = np.zeros((100, *ARRAY.shape))
+    pictures[first:first + frames] = 0.3 * presses(profile, 1, rng)[0]
+    unloaded = digitised(pictures, rng)
+    unloaded[unloaded < threshold] = 0
+    np.savez('touched.npz', frames=unloaded)
+    assert calibrate.main([*OPTIONS, '--unloaded', 'touched.npz', '--bits', '10']) == 0
+    text = capsys.readouterr().err
+    assert f'unloaded, frame {first} left out: something touches the pad' in text
+    assert text.count('left out') == min(frames, calibrate.MOST_NAMED)
+    assert f'frames {100 - frames}, ' in text
+
+
+@pytest.mark.parametrize('share, words', [
+    (1.0, 'tactels that nothing presses read 43 counts less than in --unloaded'),
+    (0.4, 'unloaded: something touches the pad in 40 of 100 frames, first in frame 0')])
+def test_unloaded_frames_that_are_loaded_are_refused(there, profile, capsys, share, words):
+    rng, pictures = np.random.default_rng(14), np.zeros((100, *ARRAY.shape))
+    pictures[:int(100 * share), 4:8] = 0.1
+    np.savez('loaded.npz', frames=digitised(pictures, rng))
+    np.savez('b.npz', frames=digitised(presses(profile, 20, rng)[0], rng))
+    assert calibrate.main([*OPTIONS, *SKIN, '--unloaded', 'loaded.npz', '--ball', 'b.npz',
+                           '--ball-radius', f'{BALL}']) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_presses_on_another_pad_are_doubted(there, profile, capsys):
+    """Its offsets differ; the likelihoods differ by more than an exponential function takes."""
+    rng = np.random.default_rng(15)
+    other = rng.integers(-5, 40, ARRAY.shape)
+    for name, count, offset in (('b.npz', 8, 0), ('f.npz', 16, other)):
+        np.savez(name, frames=digitised(presses(profile, count, rng)[0], rng) + offset)
+    assert calibrate.main([
+        *OPTIONS, '--unloaded', 'u.npz', '--ball', 'b.npz', '--ball-radius', '0.001',
+        '--flat', 'f.npz']) == calibrate.DOUBTFUL
+    assert '% of the pressure is not that of a ball' in capsys.readouterr().err
+
+
 def test_presses_of_another_weight_are_left_alone():
     """All presses of a file have one weight within 1 %, except one that is twice as hard."""
     expected, known, source = np.repeat([1.0, 3.0], 20), np.ones(40), np.repeat([0, 1], 20)
@@ -273,12 +323,39 @@ def test_corners_say_how_rows_and_columns_come(rows, columns, transposed):
     (['--ball', 'u.npz', '--ball-radius', '0.001'], 'only 0 of 100 frames show one press'),
     (['--unloaded', 'u.npz', '--bits', '17'], '--bits: value is 17, must be between 1 and 16'),
     (['--unloaded', 'u.npz', '--corners', 'u.npz'], 'corners: 100 frames, must be 4'),
+    (['--unloaded', 'u.npz', '--bits', '10', '--report', 'gone/r.png'], 'there is no such folder'),
+    (['--unloaded', 'u.npz', '--bits', '10', '--report', 'r.txt'], 'r.txt: must end in .png or'),
+    (['--unloaded', 'u.npz', '--bits', '10', '--out', '.'], '--out: .: is a folder'),
     (['--unloaded', 'u.npz', '--thickness', '0.004'], '--thickness needs --depth')])
 def test_mistakes_are_answered_in_one_line(there, capsys, options, words):
     assert calibrate.main([*OPTIONS, *options]) == 2
     text = capsys.readouterr().err
     assert text.startswith('calibrate: ') and text.count('\n') == 1 and words in text
     assert not (there / 'pad.yaml').exists()
+
+
+def test_a_force_that_is_no_number_is_refused(there, capsys):
+    np.savez('b.npz', frames=np.zeros((5, *ARRAY.shape)), force=np.array(['1'] * 5))
+    assert calibrate.main([*OPTIONS, '--ball', 'b.npz', '--ball-radius', '0.001']) == 2
+    assert 'force is 5 of type <U1, must be one number or 5' in capsys.readouterr().err
+
+
+def test_a_defect_costs_one_line(there, capsys, monkeypatch):
+    monkeypatch.setattr(calibrate, 'calibrate', lambda *_: 1 // 0)
+    assert calibrate.main([*OPTIONS, '--unloaded', 'u.npz']) == 1
+    text = capsys.readouterr().err
+    assert text.startswith('calibrate: defect: ZeroDivisionError: integer division or modulo by z')
+    assert ' test_calibrate_command.py:' in text and text.count('\n') == 1
+
+
+def test_a_report_that_cannot_be_drawn_costs_no_calibration(there, capsys, monkeypatch):
+    def full(*_):
+        raise OSError(28, 'No space left on device')
+    monkeypatch.setattr(calibrate, 'draw_report', full)
+    assert calibrate.main(
+        [*OPTIONS, '--unloaded', 'u.npz', '--bits', '10', '--report', 'r.png']) == 2
+    assert 'No space left' in capsys.readouterr().err
+    assert load_calibration('pad.yaml').bits == 10
 
 
 def test_recordings_are_bounded_before_they_are_read(there, capsys):

@@ -111,7 +111,8 @@ def test_a_masked_reading_is_missing(dtype):
     missing, layer = masked.astype(float).filled(np.nan), Layer('zz', DEPTH, None, noise_std=NOISE)
     records = ContactEstimator().estimate_batch(np.array([missing]), ARRAY, [layer])
     assert records['reasons'][0] & int(Reason.DEAD_TACTELS)
-    assert ContactEstimator().estimate_batch(masked[None], ARRAY, [layer]) == records
+    by_mask = ContactEstimator().estimate_batch(masked[None], ARRAY, [layer])
+    assert by_mask.tobytes() == records.tobytes()
     layer.stress = masked
     contact = ContactEstimator().estimate(TactileImage(0, 0, (layer,), ARRAY, tared=True))
     assert contact.x == records['x'][0]

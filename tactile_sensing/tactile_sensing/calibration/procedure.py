@@ -12,7 +12,7 @@ from tactile_sensing.calibration.likelihood import ASSUMED_POISSON, POISSON_STD,
 from tactile_sensing.calibration.presses import Presses, sort_presses
 from tactile_sensing.calibration.report import doubts
 from tactile_sensing.calibration.skin_fit import fit_presses, SkinFit
-from tactile_sensing.calibration.survey import range_of, survey, Tactels
+from tactile_sensing.calibration.survey import range_of, survey, Tactels, TOUCHED, touched
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.devices.tare import MIN_TARE_FRAMES, QUANTISATION
 from tactile_sensing.types.array import TactelArray
@@ -20,6 +20,7 @@ from tactile_sensing.types.skin import Skin
 
 FEWEST_PRESSES = 5  # of a ball, to fit a skin; twenty are better
 UNPRESSED = 0.03  # tactels far from a press read less than this share of its peak
+MOST_TOUCHED = 0.2  # share of the unloaded frames that may be left out
 # If this share of a row or column is dead, its tactels that were not loaded count as dead too.
 DEAD_LINE = 0.25
 # Pairs of corners, in the order of pressing, in the first and last row, and column, of the image.
@@ -138,10 +139,18 @@ class Procedure:
 
     def survey_unloaded(self, unloaded: np.ndarray) -> None:
         """Set baseline, noise and dead tactels."""
+        draft, total = Calibration(**self.values), len(unloaded)
+        bad = touched(draft.arrange(unloaded), draft.counts)
+        if bad.mean() > MOST_TOUCHED:
+            raise ConfigurationError(
+                f'unloaded: something touches the pad in {bad.sum()} of {total} frames, first in '
+                f'frame {bad.argmax()}: record it again')
+        self.left_out['unloaded'] = dict.fromkeys(
+            np.flatnonzero(bad).tolist(), 'something touches the pad')
+        unloaded = unloaded[~bad]
         if len(unloaded) < MIN_TARE_FRAMES:
             raise ConfigurationError(f'unloaded: {len(unloaded)} frames, at least '
                                      f'{MIN_TARE_FRAMES} are needed')
-        draft = Calibration(**self.values)
         # Without the corners: a finger there may miss the tactels.
         self.tactels = tactels = survey(draft.arrange(unloaded), draft.counts, [
             draft.arrange(self.recordings[name]) for name in ('ball', 'flat', 'rolling')
@@ -170,8 +179,7 @@ class Procedure:
         offset_std = np.maximum(draft.noise, QUANTISATION**0.5)
         if 'unloaded' in recordings:
             offset_std = offset_std / len(recordings['unloaded'])**0.5
-        else:
-            _check_unloaded(presses)
+        _check_unloaded(presses, 'unloaded' in recordings)
         forced = known.force is not None and 'ball' in recordings
         given = draft.layer().skin if known.depth else None
 
@@ -187,12 +195,13 @@ class Procedure:
             for k, number in zip(presses.source[bad], presses.number[bad], strict=True):
                 self.left_out[names[k]][int(number)] = 'unlike the others: no ball, or it moved'
             chosen = ~bad
-            skin = fit(chosen)
         of_ball = int((presses.source[chosen] == 0).sum())
         if forced and of_ball < FEWEST_PRESSES:
             raise ConfigurationError(
                 f'ball: only {of_ball} presses of known force are like the others, at least '
                 f'{FEWEST_PRESSES} are needed')
+        if not chosen.all():
+            skin = fit(chosen)
         self.presses, self.skin = presses.only(chosen), skin
         self._use(skin, given, ~draft.live)
         if forced and not known.gain:
@@ -218,10 +227,10 @@ class Procedure:
                     force), full.sum((1, 2)))
         self.left_out[name] = bad
         if len(good) < FEWEST_PRESSES:
-            why = '; '.join(f'frame {k}: {text}' for k, text in list(bad.items())[:3])
-            raise ConfigurationError(
+            why = [f'frame {k}: {text}' for k, text in list(bad.items())[:3]]
+            raise ConfigurationError('; '.join([
                 f'{name}: only {count - len(bad)} of {count} frames show one press, '
-                f'{len(good)} different ones, at least {FEWEST_PRESSES} are needed ({why})')
+                f'{len(good)} different ones, at least {FEWEST_PRESSES} are needed', *why]))
         return good
 
     def _use(self, fit: SkinFit, given: Skin | None, dead: np.ndarray) -> None:
@@ -257,7 +266,7 @@ class Procedure:
         self.calibration = Calibration(
             model='calibrated', source='calibrate', found=self.found, **self.values)
         self.doubts = doubts(self.skin, self.known.ball_radius,
-                             float(np.mean(~self.calibration.live)))
+                             float(np.mean(~self.calibration.live)), self.known.force)
         if self.doubts:
             self.found['doubtful'] = self.doubts
 
@@ -287,12 +296,18 @@ def order_of(corners: np.ndarray) -> tuple[tuple, tuple, bool]:
     return orders[0], orders[1], transposed
 
 
-def _check_unloaded(presses: Presses) -> None:
+def _check_unloaded(presses: Presses, recorded: bool) -> None:
+    """Raise a ConfigurationError if the tactels that nothing presses do not read 0."""
     each = presses.values.reshape(len(presses), -1)
     low = float(np.median(np.nanquantile(each, 0.05, axis=1)))
-    if low > UNPRESSED * np.median(np.nanmax(each, axis=1)):
+    allowed = UNPRESSED * float(np.median(np.nanmax(each, axis=1)))
+    if not recorded and low > allowed:
         raise ConfigurationError(f'tactels that nothing presses read {low:.0f} counts: --unloaded '
                                  'is missing, frames of the unloaded pad')
+    if recorded and -low > allowed + TOUCHED * float(np.median(presses.noise)):
+        raise ConfigurationError(
+            f'tactels that nothing presses read {-low:.0f} counts less than in --unloaded: '
+            'something pressed the pad there, or it drifted or is another one; record it again')
 
 
 def _with_lines(dead: np.ndarray, tactels: Tactels | None) -> np.ndarray:

@@ -12,17 +12,19 @@ from tactile_sensing.devices.calibration import Calibration
 MOST_DEAD = 0.1  # largest usual share of dead tactels
 MOST_LEFT_OUT = 0.04  # largest usual share of the pressure that the model does not explain
 USUAL_PATCH = 0.25, 0.75  # radius of a patch over that of the ball
+MOST_PRESSURE = 10e6  # largest usual mean pressure under the ball [Pa]
 MOST_UNCERTAIN = 0.1  # largest usual standard deviation of the depth over the depth
 MOST_SPREAD = 0.3  # largest usual relative standard deviation of the gains
 FEW_PRESSES = 8  # with fewer presses, their consistency cannot be judged
 
 
-def doubts(fit: SkinFit | None, ball_radius: float, dead: float) -> list[str]:
+def doubts(fit: SkinFit | None, ball_radius: float, dead: float,
+           force: np.ndarray | None = None) -> list[str]:
     """
     Return reasons not to trust a calibration: a wrong ball or pitch, a broken pad, few presses.
 
-    `fit` is the fit of the presses (None: no presses), `ball_radius` is in m, and `dead` is the
-    share of dead tactels.
+    `fit` is the fit of the presses (None: no presses), `ball_radius` is in m, `dead` is the share
+    of dead tactels, and `force` those of the presses in N (None: unknown).
     """
     found, check = [], 'check --ball-radius and --pitch'
     if dead > MOST_DEAD:
@@ -36,6 +38,12 @@ def doubts(fit: SkinFit | None, ball_radius: float, dead: float) -> list[str]:
     if not USUAL_PATCH[0] < fit.patch < USUAL_PATCH[1]:
         found.append(f'the ball touches within {fit.patch:.2f} of its radius (usual: '
                      f'{USUAL_PATCH[0]} to {USUAL_PATCH[1]}): {check}')
+    if force is not None:
+        pressure = float(np.median(force)) / (np.pi * (fit.patch * ball_radius)**2)
+        if pressure > MOST_PRESSURE:
+            found.append(f'a force of {np.median(force):g} N is a mean pressure of '
+                         f'{1e-6 * pressure:.0f} MPa under the ball (usual for rubber: less than '
+                         f'{1e-6 * MOST_PRESSURE:.0f} MPa): forces are in N, not in mN or g')
     if fit.groups[-1] + 1 < FEW_PRESSES:
         found.append(f'only {fit.groups[-1] + 1} presses at different places, '
                      f'{FEW_PRESSES} and more are needed')

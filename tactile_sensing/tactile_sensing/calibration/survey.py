@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.counts import Counts, MAX_BITS
-from tactile_sensing.devices.tare import unloaded_statistics
+from tactile_sensing.devices.tare import THRESHOLD_STD, unloaded_statistics
 
 MISSING = 5.0  # a threshold exists if more counts than this are expected below it, but missing
 MOST_NOISE = 5.0  # a tactel with more noise is dead [times the usual noise]
@@ -16,6 +17,7 @@ MOST_FRAMES = 2000  # frames that are searched for tactels that do not follow a 
 STRONG, ENOUGH = 10.0, 20.0
 STUCK = 0.1  # a tactel is dead if it shows less than this share of that load
 TOUCHED = 5.0  # a tactel that once read at least this was loaded [standard deviations]
+TOGETHER = 8.0  # neighbours that change by this together are touched [standard deviations]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +68,22 @@ def _threshold(counts: np.ndarray, lowest: int) -> int | None:
     # Without a threshold, about as many counts are expected below as in an equal range above.
     expected = np.count_nonzero(above < 2 * least - lowest)
     return least if least > lowest + 1 and expected > MISSING else None
+
+
+def touched(frames: np.ndarray, counts: Counts) -> np.ndarray:
+    """
+    Return in which frames (N,) of a pad something begins or ceases to touch it.
+
+    There 3 x 3 tactels differ together from their medians over time. A change that all tactels
+    have in common is drift.
+    """
+    off = frames - np.median(frames, axis=0)
+    off -= np.median(off, axis=(1, 2), keepdims=True)
+    usual = np.median(np.abs(off), axis=0) / 0.6745
+    # Of steps of the converter the median shows nothing.
+    noise = np.maximum(usual, max(counts.threshold - counts.lowest, 2) / THRESHOLD_STD)
+    together = 3.0 * uniform_filter(off / noise, (1, 3, 3), mode='constant')
+    return np.abs(together).max(axis=(1, 2)) > TOGETHER
 
 
 def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tactels:

@@ -8,7 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from tactile_common.command_line import between, FAILED, Parser, refusing
+from tactile_common.command_line import (
+    between,
+    FAILED,
+    file_to_write,
+    Parser,
+    PICTURES,
+    refusing,
+)
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays
 from tactile_common.progress import Progress
@@ -61,7 +68,7 @@ was none, and goes on from where it was interrupted.
 Frames that are no single press of the ball are named and left out. Without --force there
 are places and directions, but no forces. The last line says what the calibration is good for. Exit
 status: 0; 1 where the file is written but is not to be trusted: the lines before the last one say
-why; 2 after one line that says what is wrong, then nothing is written."""
+why; 2 after one line that says what is wrong: nothing is written, or only no report."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -71,7 +78,7 @@ def parser() -> argparse.ArgumentParser:
         description='Calibrate a tactile array: from '
         'recordings of raw counts to the file that driver and `estimate` read.')
     add = arguments.add_argument
-    add('--out', required=True, metavar='CAL.yaml', help='file to write')
+    add('--out', required=True, metavar='CAL.yaml', type=file_to_write(), help='file to write')
     add_pitch(arguments, required=True)
     add_shape(arguments)
     add('--live', metavar='FOLDER', help='ask for every recording, take it from the sensor on '
@@ -104,8 +111,8 @@ def parser() -> argparse.ArgumentParser:
         'such: smaller ones become the lowest (default: as the counts show)')
     add('--saturation', metavar='COUNT', type=count, help='count from which on a tactel is at '
         'full scale (default: the highest of the converter)')
-    add('--report', metavar='FILE.png', help='draw noise, gains, and what the fit leaves of the '
-        'presses')
+    add('--report', metavar='FILE.png', type=file_to_write(*PICTURES),
+        help='draw noise, gains, and what the fit leaves of the presses')
     return arguments
 
 
@@ -173,9 +180,11 @@ def read_force(options: argparse.Namespace, frames: int) -> np.ndarray | None:
     force = read_arrays(options.ball, (), ('force',)).get('force')
     if force is None:
         return None
-    if force.size not in (1, frames) or not (np.isfinite(force) & (force > 0.0)).all():
+    if force.dtype.kind not in 'uif' or force.size not in (1, frames) or not (
+            np.isfinite(force) & (force > 0.0)).all():
         raise ConfigurationError(
-            f'{options.ball}: force must be one number or {frames}, above 0 N')
+            f'{options.ball}: force is {force.size} of type {force.dtype}, must be one number or '
+            f'{frames}, finite and above 0 N')
     return force.ravel()
 
 
@@ -209,17 +218,14 @@ def run(options: argparse.Namespace) -> bool:
     recordings = read_recordings(options)
     force = read_force(options, len(recordings.get('ball', ())))
     known = replace(read_known(options), force=force)
-    folder = Path(options.out).resolve().parent
-    if not folder.is_dir():
-        raise ConfigurationError(f'{options.out}: folder {folder} does not exist')
     with Progress(STEPS, 1.0) as progress:
         done = iter(range(1, STEPS + 1))
         outcome = calibrate(recordings, known, lambda text: progress.show(
             next(done, STEPS), 'calibrate', text))
+        save_calibration(outcome.calibration, options.out)
         if options.report:
             progress.show(STEPS, 'report')
             draw_report(outcome.calibration, outcome.presses, outcome.skin, options.report)
-    save_calibration(outcome.calibration, options.out)
     print(*describe(outcome), f'{options.out} written',
           *(f'doubtful: {text}' for text in outcome.doubts),
           verdict(outcome.calibration, outcome.skin)
