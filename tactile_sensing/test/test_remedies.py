@@ -116,6 +116,24 @@ def test_clipping_that_is_not_declared_is_not_believed(presses, level, bits):
     assert (records['force_valid'] & (off > 0.02) & (off > 5.0 * claimed)).mean() < 0.03
 
 
+@pytest.mark.parametrize('bits', [12, 52])
+@pytest.mark.parametrize('cut', [2, 3])
+def test_few_clipped_tactels_are_seen(presses, cut, bits):
+    loads, frames, clean, noise = presses
+    lsb = clean.max(axis=(1, 2)) * 2.0**-bits
+    # As many tactels are clipped, all of them by more than the noise.
+    high, low = np.sort(clean.reshape(COUNT, -1), axis=1)[:, [-cut, -cut - 1]].T
+    clear = (high - low > 8.0 * noise) & (noise > 5.0 * lsb)
+    level = 0.5 * (high + low)[:, None, None]
+    counts = np.rint(np.minimum(frames, level) / lsb[:, None, None])
+    records = found(counts * lsb[:, None, None], noise)
+    assert clear.sum() > 50
+    assert (records['reasons'] & int(Reason.SATURATED) > 0)[clear].mean() > 0.95
+    off = noise * records['normal_force'] - 1.0
+    claimed = noise * np.sqrt(records['covariance'][:, 3, 3])
+    assert (np.abs(off) > 4.0 * claimed)[clear].mean() < 0.02
+
+
 @pytest.mark.parametrize('radius', [0.5e-3, 1e-3, 1.5e-3])
 def test_a_blunt_object_of_eight_bits_is_not_clipped(presses, radius):
     loads, _, _, _ = presses

@@ -36,7 +36,6 @@ from tactile_sensing.skin.bumps import (
 from tactile_sensing.types.contact import ContactType, Reason, ROW
 
 FEWEST = 6  # tactels
-CUT_OFF = 4  # this number of equal highest readings may be saturated
 DETECTION = 5.0  # standard deviations
 MIN_SNR = 16.0  # a weaker load is not valid: its kind is uncertain [dB]
 QUIETER = 0.9  # fit again if the residual noise is below this share of the assumed noise
@@ -88,7 +87,7 @@ def _examine(frame: np.ndarray, known: Sensor, saturated: int, noise: np.ndarray
         record.moments[k] = moments[k]
     top, live = np.nanmax(frame[main]), np.isfinite(frame[main]).sum()
     highest = (frame[main] == top).sum()
-    if full[main] == np.inf and CUT_OFF <= highest <= 0.25 * frame[main].size:
+    if full[main] == np.inf and 1 < highest <= 0.25 * frame[main].size:
         full[main] = hidden_scale(frame[main], noise[main])
         clipped += highest * (full[main] < np.inf)
     record.type = OTHER if clipped > 0 else NONE

@@ -12,6 +12,8 @@ DIRECTIONS = (0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1)
 OF_NOISE = 0.6745 * math.sqrt(6.0)  # median absolute second difference of unit noise
 LEAST, TINY = 1e-6, 1e-37  # smallest noise: share of the peak, absolute [unit of the readings]
 COARSE = 30  # with fewer steps of the converter up to the peak, rounding explains equal readings
+# Fewer equal highest readings are due to rounding if its step is above this share of the noise.
+CUT_OFF, FINE = 4, 0.25
 LOADED, FINEST = 0.1, 1e-6  # shares of the peak: tactels that count; resolution of readings
 UNEVEN = 0.2  # with a larger deviation from multiples of a step, readings are not rounded [steps]
 
@@ -87,6 +89,8 @@ def hidden_scale(image: np.ndarray, noise: float) -> float:
     if kinds > 1:
         resolution = steps.min()
     if highest < COARSE * resolution:  # rounding alone makes readings equal
+        return np.inf
+    if counts[kinds - 1] < CUT_OFF and resolution > FINE * noise / unit:
         return np.inf
     # A blunt peak that is not saturated has as many readings just below the top as at the top, due
     # to noise and rounding. Without noise, symmetry makes lower readings equal too.
