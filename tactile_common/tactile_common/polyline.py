@@ -1,8 +1,7 @@
 """
 Polylines: length, points along them, nearest place on them; lengths are in metres.
 
-A station is the arc length along a polyline from its first point. Every function can be called
-from kernels and from Python.
+A station is the arc length along a polyline from its first point.
 """
 import math
 from typing import NamedTuple
@@ -24,23 +23,12 @@ class Projection(NamedTuple):
     along_y: float
 
 
-@njit(cache=True)
-def arc_length(points: np.ndarray, first: float = 0.0) -> np.ndarray:
-    """Return the stations (N,) of the vertices (N, D) of a polyline that begins at `first`."""
-    stations = np.empty(len(points))
-    way = 0.0
-    for k in range(len(points)):
-        if k:
-            squared = 0.0
-            for axis in range(points.shape[1]):
-                step = points[k, axis] - points[k - 1, axis]
-                squared += step * step
-            way += math.sqrt(squared)
-        stations[k] = first + way
-    return stations
+def arc_length(points: np.ndarray) -> np.ndarray:
+    """Return the stations (N,) of the vertices (N, D) of a polyline."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    return np.append(0.0, np.cumsum(steps))[:len(points)]
 
 
-@njit(cache=True)
 def resample(points: np.ndarray, stations: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """
     Interpolate the points (M, D) of a polyline at the wanted stations (M,).
@@ -48,10 +36,7 @@ def resample(points: np.ndarray, stations: np.ndarray, wanted: np.ndarray) -> np
     `points` (N, D) are the vertices, `stations` (N,) their ascending stations. Stations beyond the
     ends give the end points.
     """
-    found = np.empty((len(wanted), points.shape[1]))
-    for axis in range(points.shape[1]):
-        found[:, axis] = np.interp(wanted, stations, points[:, axis])
-    return found
+    return np.column_stack([np.interp(wanted, stations, axis) for axis in points.T])
 
 
 @njit(cache=True)

@@ -33,7 +33,6 @@ def test_wrap_leaves_the_direction(angle, turns):
 
 def test_arc_length_and_resampling():
     np.testing.assert_array_equal(arc_length(CORNER), [0.0, 3.0, 7.0])
-    np.testing.assert_array_equal(arc_length(CORNER, 0.5), [0.5, 3.5, 7.5])
     np.testing.assert_array_equal(arc_length(np.array([[0.0, 0, 0], [1.0, 2, 2]])), [0.0, 3.0])
     assert arc_length(CORNER[:1]) == [0.0] and not len(arc_length(CORNER[:0]))
     wide = np.column_stack([CORNER, [5.0, 6.0, 9.0]])

@@ -1,4 +1,4 @@
-"""Kernels on the nodes of a path against the same in whole arrays."""
+"""Nodes of a path: curves, corners, and where a contour closes."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ STEP, DEPTH = 0.5e-3, 2e-3
 
 
 def measured(nodes, first=0.0):
-    nodes['station'] = arc_length(nodes['place'], first)
+    nodes['station'] = first + arc_length(nodes['place'])
     return nodes
 
 
@@ -47,7 +47,7 @@ def test_a_corner_is_a_sharp_turn_and_a_curve_is_none(turn, found):
     assert sharpest_turn(leg_of(corner)[20:30], 0.25) == (-1, -1)  # too short to tell
 
 
-def ring(radius=0.02, begin=0.0, end=6.5):
+def ring(radius=0.02, begin=0.0, end=6.7):
     angles = np.arange(begin, end, STEP / radius)
     place = radius * np.column_stack([np.cos(angles), np.sin(angles)])
     return measured(nodes_of(place, 0.0, np.column_stack([-np.sin(angles), np.cos(angles)])), 0.1)
@@ -56,6 +56,7 @@ def ring(radius=0.02, begin=0.0, end=6.5):
 def test_a_path_closes_where_it_meets_its_start_the_same_way():
     nodes = ring()
     k = closing_node(nodes, 0.2, 0.104, 1.2e-3)
+    assert 0 < k < len(nodes) - 1
     assert nodes['station'][k] == pytest.approx(0.104 + 2 * np.pi * 0.02, abs=STEP)
     against = nodes.copy()
     against['way'][k - 3:] *= -1.0

@@ -13,7 +13,6 @@ from tactile_servo.edge_map.records import nodes_of
 
 LEAST_TURN = math.radians(18.0)
 MEMORY = 40.0  # number of images in the average
-MODEL_ERROR = 0.02  # relative error of a modelled pressure
 WORST_FIT = 4.0  # largest chi-square per tactel
 
 # In skin depths:
@@ -106,8 +105,7 @@ def fit(picture: Picture, shape: CornerShape) -> tuple[CornerShape, np.ndarray] 
     array, depth, yaw = picture.array, picture.depth, picture.yaw
     start = shape.moved(-picture.place, 0.0).moved(np.zeros(2), -yaw)
     found, information, chi_square, load = corner_fit.fit_corner(
-        picture.pressure, array.x, array.y, half_spaces(picture.skin), picture.noise, MODEL_ERROR,
-        start)
+        picture.pressure, array.x, array.y, half_spaces(picture.skin), picture.noise, start)
     if not (np.isfinite(found).all() and load > 0.0 and chi_square < WORST_FIT):
         return None
     # Add priors of radius and curvatures.

@@ -9,6 +9,7 @@ from tactile_common.geometry import wrap_angle
 from tactile_common.kernels import njit
 from tactile_sensing.skin.half_spaces import add_point, add_segment
 
+MODEL_ERROR = 0.02  # relative error of a modelled pressure
 # In skin depths, the width to which the skin blurs a line:
 LEG = 7.5  # length of each leg that loads the tactels near the vertex
 FITTED = 4.0  # distance from the vertex within which tactels are used: farther, only legs show
@@ -97,11 +98,6 @@ def vertex_spread(information: np.ndarray) -> float:
 
 
 @njit(cache=True)
-def _shape(p: np.ndarray) -> CornerShape:
-    return CornerShape(p[0], p[1], p[2], p[3], p[4], p[5], p[6])
-
-
-@njit(cache=True)
 def corner_points(corner: CornerShape, depth: float) -> np.ndarray:
     """Return the polyline (2 CHORDS + ARC_CHORDS + 1, 2) of a corner at a skin depth [m]."""
     turn = wrap_angle(corner.second - corner.first)
@@ -155,56 +151,49 @@ def corner_pressure(corner: CornerShape, x: np.ndarray, y: np.ndarray,
     return pressure
 
 
-@njit(cache=True)
 def fit_corner(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, skin: np.ndarray, noise: float,
-               model_error: float, start: CornerShape) -> CornerFit:
+               start: CornerShape) -> CornerFit:
     """
     Fit a corner to an image by Gauss-Newton, with the load eliminated in closed form.
 
     The pressure (rows, columns) [Pa] must be finite; x, y are the tactels' positions [m]; `skin`
-    is as for `corner_pressure`. `noise` is that of one tactel [Pa], `model_error` the model's
-    relative error. `start` is the first guess, in the sensor frame. Returns a CornerFit.
+    is as for `corner_pressure`. `noise` is that of one tactel [Pa]. `start` is the first guess, in
+    the sensor frame.
     """
-    p, depth = np.array(start), skin[0].depth
-    information, chi_square, load = np.zeros((SIZE, SIZE)), np.inf, 0.0
+    depth, information = skin[0]['depth'], np.zeros((SIZE, SIZE))
+    near = (x - start.x)**2 + (y[:, None] - start.y)**2 < (FITTED * depth)**2
+    if np.count_nonzero(near) < LEAST_TACTELS:
+        return CornerFit(start, information, math.inf, 0.0)
+    seen = pressure[near]
+    weight = 1.0 / (noise**2 + (MODEL_ERROR * seen)**2)
     steps = np.array([PLACE_STEP * depth, PLACE_STEP * depth, ANGLE_STEP, ANGLE_STEP,
                       RADIUS_STEP * depth, BEND_STEP / depth, BEND_STEP / depth])
     prior = np.zeros(SIZE)  # information about radius and curvatures
     prior[RADIUS] = (RADIUS_PRIOR * depth)**-2
     prior[RADIUS + 1:] = (BEND_PRIOR / depth)**-2
-    near = (x - start.x)**2 + (y.reshape(-1, 1) - start.y)**2 < (FITTED * depth)**2
-    weight = np.where(near, 1.0 / (noise**2 + (model_error * pressure)**2), 0.0)
-    count = np.count_nonzero(weight)
-    if count < LEAST_TACTELS:
-        return CornerFit(start, information, chi_square, load)
-    jacobian = np.empty((SIZE, len(y), len(x)))
+
+    def modelled(vector: np.ndarray) -> np.ndarray:
+        return corner_pressure(CornerShape(*vector.tolist()), x, y, skin)[near]
+
+    p = np.array(start)
     for step in range(ROUNDS + 1):
-        shape = corner_pressure(_shape(p), x, y, skin)
-        own = (weight * shape * shape).sum()
-        load = (weight * shape * pressure).sum() / own
-        error = pressure - load * shape
-        chi_square = (weight * error * error).sum() / count
+        unit = modelled(p)
+        own = (weight * unit) @ unit
+        load = (weight * unit) @ seen / own
+        error = seen - load * unit
         if step == ROUNDS or not load > 0.0:
             break
-        gradient = np.empty(SIZE)
-        for k in range(SIZE):
-            other = p.copy()
-            other[k] += steps[k]
-            slope = (corner_pressure(_shape(other), x, y, skin) - shape) / steps[k]
-            # Remove the part that a change of the load can explain.
-            slope -= shape * ((weight * shape * slope).sum() / own)
-            jacobian[k] = load * slope
-            gradient[k] = (weight * jacobian[k] * error).sum() - prior[k] * p[k]
-            for m in range(k + 1):
-                information[k, m] = (weight * jacobian[k] * jacobian[m]).sum()
-                information[m, k] = information[k, m]
-        normal = information.copy()
-        for k in range(SIZE):
-            normal[k, k] += prior[k] + 1e-9 * information[k, k] + 1e-12
-        change = np.linalg.solve(normal, gradient)
-        ask = _shape(change)
-        p += change / max(math.hypot(ask.x, ask.y) / (FARTHEST * depth),
-                          abs(ask.radius) / (FARTHEST * depth),
-                          max(abs(ask.first), abs(ask.second)) / WIDEST_CHANGE, 1.0)
+        slopes = np.array([modelled(other) for other in p + np.diag(steps)]) - unit
+        slopes /= steps[:, None]
+        # Remove the part that a change of the load can explain.
+        jacobian = load * (slopes - np.outer(slopes @ (weight * unit) / own, unit))
+        information = (weight * jacobian) @ jacobian.T
+        change = CornerShape(*np.linalg.solve(
+            information + np.diag(prior + 1e-9 * np.diag(information) + 1e-12),
+            jacobian @ (weight * error) - prior * p))
+        p += np.array(change) / max(
+            math.hypot(change.x, change.y) / (FARTHEST * depth),
+            abs(change.radius) / (FARTHEST * depth),
+            max(abs(change.first), abs(change.second)) / WIDEST_CHANGE, 1.0)
         p[RADIUS] = max(p[RADIUS], LEAST_RADIUS * depth)
-    return CornerFit(_shape(p), information, chi_square, load)
+    return CornerFit(CornerShape(*p.tolist()), information, weight @ error**2 / len(seen), load)
