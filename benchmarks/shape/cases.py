@@ -93,8 +93,17 @@ def error_where_seen(patch, case):
     return _error(patch, case, patch.directions[np.argmax(patch.seen)])
 
 
+def rectangle(patch, direction):
+    """Return places (105, 2) of a patch's tangent plane, the long side along a direction (3,)."""
+    x, y = patch.directions @ direction
+    along, across = (0.5 * side * np.linspace(-1.0, 1.0, count)
+                     for side, count in zip(PATCH, (21, 5), strict=True))
+    places = np.column_stack([np.repeat(along, len(across)), np.tile(across, len(along))])
+    return places @ np.array([[x, y], [-y, x]]) / np.hypot(x, y)
+
+
 def _error(patch, case, direction):
-    error = np.abs(case.surface.distance(patch.sheet(*PATCH, direction)))
+    error = np.abs(case.surface.distance(patch.sheet(rectangle(patch, direction))))
     return float(error.max()) if np.isfinite(error).all() else np.inf
 
 

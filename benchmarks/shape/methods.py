@@ -54,7 +54,6 @@ class Paraboloid:
     def add(self, point, normal):
         self._points.append(point)
         self._normal = normal
-        return True
 
     def update(self, point, normal):
         self.add(point, normal)

@@ -8,7 +8,6 @@ import numpy as np
 
 State = TypeVar('State')
 NS = 1_000_000_000  # in a second
-RESTART = 10  # a recording restarted if a pose is older than the newest by this many gaps
 ONWARD = 10  # extrapolate at most this multiple of the time between the last two states
 
 
@@ -16,18 +15,11 @@ class StateBuffer(Generic[State]):
     """
     The last `size` states by their stamps, with interpolation and extrapolation.
 
-    Parameters
-    ----------
-    between : callable
-        Takes two states and a share. Returns the state at this share of the way from the first to
-        the second: 0 to 1, or beyond.
-    max_gap_ns : float
-        States farther apart than this are not interpolated.
-    max_ahead_ns : int
-        How much newer than the newest state a stamp may be. The motion of the last two states is
-        extrapolated for this time, and at most for `ONWARD` times the time between them.
-    restart_ns : int
-        A stamp at least this much older than the newest means that the clock went back.
+    `between(first, second, share)` returns the state at a share of the way from one to another: 0
+    to 1, or beyond. States farther apart than `max_gap_ns` are not interpolated. A stamp may be
+    `max_ahead_ns` newer than the newest state: the motion of the last two states is extrapolated
+    for this time, and at most for `ONWARD` times the time between them. A stamp that is older than
+    the newest by `restart_ns` or more means that the clock went back.
     """
 
     def __init__(self, between: Callable[[State, State, float], State], *, size: int,
@@ -87,18 +79,6 @@ class StateBuffer(Generic[State]):
         if span > self._max_gap_ns:
             return None
         return self._between(earlier, later, (stamp_ns - earlier_ns) / span)
-
-
-class PoseBuffer(StateBuffer[np.ndarray]):
-    """
-    The last `size` poses (4, 4); no interpolation if they are more than `max_gap` [s] apart.
-
-    A pose that is `RESTART` gaps older than the newest means that a recording restarted.
-    """
-
-    def __init__(self, max_gap: float = 0.1, size: int = 500):
-        gap = round(max_gap * NS)
-        super().__init__(pose_between, size=size, max_gap_ns=gap, restart_ns=RESTART * gap)
 
 
 def pose_between(one: np.ndarray, other: np.ndarray, share: float) -> np.ndarray:

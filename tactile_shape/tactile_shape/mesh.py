@@ -25,8 +25,10 @@ def mesh_of(patches: Iterable[Patch]) -> tuple[np.ndarray, np.ndarray, np.ndarra
     vertices, colours, faces = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros((0, 3), int)]
     corner = (np.arange(STEPS - 1)[:, None] * STEPS + np.arange(STEPS - 1)).reshape(-1, 1)
     triangles = np.concatenate([corner + [0, STEPS, 1], corner + [1, STEPS, STEPS + 1]])
+    side = PATCH_SIZE * np.linspace(-0.5, 0.5, STEPS)
+    square = np.column_stack([np.repeat(side, STEPS), np.tile(side, STEPS)])
     for patch in patches:
-        sheet = patch.sheet(PATCH_SIZE, PATCH_SIZE, steps=(STEPS, STEPS)).reshape(-1, 3)
+        sheet = patch.sheet(square)
         finite = np.isfinite(sheet).all(axis=1)
         faces.append(triangles[finite[triangles].all(axis=1)] + sum(map(len, vertices)))
         vertices.append(np.where(finite[:, None], sheet, patch.origin))

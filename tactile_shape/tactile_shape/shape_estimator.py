@@ -26,11 +26,11 @@ class ShapeEstimator:
         contact = placed.contact
         return self.touch(contact.position, contact.normal, contact.edge)
 
-    def lose(self, reason: str = 'nothing is touched') -> Patch:
+    def lose(self) -> Patch:
         """End the path after a loss of contact; return an invalid Patch."""
         self._estimator.reset()
         self.model.begin_stroke()
-        return refusal(reason)
+        return refusal('nothing is touched')
 
     def touch(self, position: np.ndarray, normal: np.ndarray, edge: bool = False) -> Patch:
         """

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from tactile_common.state_buffer import PoseBuffer
+from tactile_common.state_buffer import pose_between, StateBuffer
 from tactile_sensing.thesis.line import pressure as line_pressure
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
@@ -114,7 +114,7 @@ def test_round_finger():
 
 def test_interpolation_is_that_of_scipy():
     one, other = pose(1), pose(2)
-    buffer = PoseBuffer(max_gap=1.0)
+    buffer = StateBuffer(pose_between, size=2, restart_ns=1000 * MS)
     assert buffer.add(0, one) and buffer.add(100 * MS, other)
     assert not buffer.add(100 * MS, one) and not buffer.add(50 * MS, one)
     slerp = Slerp([0.0, 0.1], Rotation.from_matrix([one[:3, :3], other[:3, :3]]))

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_common.state_buffer import NS, PoseBuffer
+from tactile_common.state_buffer import NS, pose_between, StateBuffer
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import TactileImage
 from tactile_shape.contour.edge_point import edge_point
@@ -23,6 +23,9 @@ LEAVING = 0.5  # share of a path's largest load; below it, the pad lifts off
 WAITING = 200  # most contacts or images that wait for their counterpart: about one second
 # Contacts farther apart belong to different paths: one and a half frames of a sensor of 10 Hz.
 MAX_GAP_NS = NS * 3 // 20
+POSES = 500  # newest poses that are kept
+POSE_GAP_NS = NS // 10  # between poses farther apart than this there is no interpolation
+RESTART_NS = NS  # a recording restarted if a pose is older than the newest by this much
 Place = tuple[float, float]  # x, y on the array [m]
 
 
@@ -118,7 +121,9 @@ class ContactPath:
     """
 
     def __init__(self, finger_radius: float = 0.0):
-        self._finger_radius, self._poses = finger_radius, PoseBuffer()
+        self._finger_radius = finger_radius
+        self._poses = StateBuffer(
+            pose_between, size=POSES, max_gap_ns=POSE_GAP_NS, restart_ns=RESTART_NS)
         # Stamp [ns], contact, its image and its extra value.
         self._waiting: deque[tuple[int, Contact, TactileImage | None, Any]] = deque(maxlen=WAITING)
         self._pictures: dict[int, Callable[[], TactileImage | None]] = {}  # by their stamps [ns]

@@ -2,8 +2,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
 
-STEPS = 10  # largest number of Gauss-Newton steps
 CHORD = 1e-3  # m, longest chord of an arc as a polyline
 FEW = 6  # smallest number of points of a line or arc
 # A line must reduce the sum of squares by this much, in variances of the points; an arc, which has
@@ -71,16 +71,11 @@ class Arc:
         solution, _, rank, _ = np.linalg.lstsq(matrix, (u**2).sum(axis=1), rcond=1e-12)
         if rank < 3:
             return None
-        centre, radius = solution[:2], np.sqrt(solution[2] + solution[:2] @ solution[:2])
-        for _ in range(STEPS):  # Gauss-Newton on the distance itself
-            away = u - centre
-            length = np.linalg.norm(away, axis=1)
-            jacobian = np.column_stack([away / length[:, None], np.ones(len(u))])
-            step = np.linalg.lstsq(jacobian, length - radius, rcond=None)[0]
-            centre, radius = centre + step[:2], radius + step[2]
-            if np.abs(step).max() < 1e-12 * radius:
-                break
-        centre, radius = middle + scale * centre, float(scale * radius)
+        start = [*solution[:2], np.sqrt(solution[2] + solution[:2] @ solution[:2])]
+        *centre, radius = least_squares(
+            lambda circle: np.linalg.norm(u - circle[:2], axis=1) - circle[2], start, method='lm',
+            xtol=1e-12).x
+        centre, radius = middle + scale * np.array(centre), float(scale * radius)
         away = points - centre
         turn = 1.0 if angle_between(away[:-1], away[1:]).sum() >= 0.0 else -1.0
         off = np.linalg.norm(away, axis=1) - radius

@@ -58,9 +58,9 @@ class Fitter:
     Least-squares fit of contacts (m, 3) with their normals and weights in a tangent frame.
 
     The first `count` of (K11, K12, K22) are fitted; the others keep their prior. The position
-    noise is increased to the scatter of the heights. Height and slope are eliminated: `left`
-    (4, 4) contains information and right side of K, and the chi-square of K = 0. Height and slope
-    are the last column of `lift` (3, 4) minus its other columns times K.
+    noise is increased to the scatter of the heights. Height and slope are eliminated: they are the
+    last column of `lift` (3, 4) minus its other columns times K. `information` (3, 3) is the
+    inverse covariance of K, `right` (3,) is its product with K.
     """
 
     def __init__(self, points: np.ndarray, normals: np.ndarray, weights: np.ndarray, noise: Noise,
@@ -117,16 +117,6 @@ class Fitter:
         return self._rows.reshape(-1, 7).T @ weighted.reshape(-1, 7)
 
     @property
-    def information(self) -> np.ndarray:
-        """Inverse covariance (3, 3) of (K11, K12, K22)."""
-        return self._left[:3, :3]
-
-    @property
-    def right(self) -> np.ndarray:
-        """Information matrix times K, ndarray (3,)."""
-        return self._left[:3, 3]
-
-    @property
     def curvature(self) -> np.ndarray:
         """Fitted (K11, K12, K22), ndarray (3,)."""
         return np.linalg.solve(self.information, self.right)
@@ -149,17 +139,19 @@ class Fitter:
         freedom = 3 * len(self._points) - 3 - self._count
         if freedom < 1:
             return 1.0, math.nan
-        left = max(float(self._left[3, 3] - self.right @ self.curvature), 0.0) / freedom
+        left = max(float(self._of_plane - self.right @ self.curvature), 0.0) / freedom
         return max(1.0, left), math.sqrt(left)
 
     def _solve(self, curvature: np.ndarray, doubt: np.ndarray, model_error: float = 0.0) -> None:
         self._doubt = doubt
         sums = self.sums(curvature, doubt, model_error)
         self._lift = np.linalg.solve(sums[:3, :3], sums[:3, 3:])
-        self._left = sums[3:, 3:] - sums[3:, :3] @ self._lift
+        left = sums[3:, 3:] - sums[3:, :3] @ self._lift
         for unseen in range(self._count, 3):
-            self._left[unseen] = self._left[:, unseen] = 0.0
-            self._left[unseen, unseen] = 1.0 / PRIOR_CURVATURE**2
+            left[unseen] = left[:, unseen] = 0.0
+            left[unseen, unseen] = 1.0 / PRIOR_CURVATURE**2
+        # `_of_plane`: chi-square of K = 0
+        self.information, self.right, self._of_plane = left[:3, :3], left[:3, 3], left[3, 3]
 
     def _scatter(self, curvature: np.ndarray, known: float) -> float:
         """Return the standard deviation of positions [m], larger if heights scatter more."""

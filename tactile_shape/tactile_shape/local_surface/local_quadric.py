@@ -20,7 +20,6 @@ from tactile_shape.types.patch import (
     NORMAL_NOISE,
     Patch,
     SurfaceEstimator,
-    usable_normal,
 )
 from tactile_shape.types.tangent import tangent_frame
 
@@ -101,12 +100,8 @@ class ContactWindow:
         return self._cells[len(self._cells) - 1 - steps:]
 
 
-def path_length(cells: np.ndarray) -> float:
-    """Return the length of the path through cells (m, 7) [m]."""
-    return float(_steps(cells).sum())
-
-
 def _steps(cells: np.ndarray) -> np.ndarray:
+    """Return the distances (m - 1,) between successive cells (m, 7) [m]."""
     steps = np.diff(cells[:, :3], axis=0)
     return np.sqrt((steps * steps).sum(axis=1))
 
@@ -132,20 +127,16 @@ class LocalQuadric(SurfaceEstimator):
         self._window.reset()
         self._cells = np.empty((0, 7))
 
-    def add(self, position: np.ndarray, normal: np.ndarray) -> bool:  # noqa: D102
-        unit = usable_normal(position, normal)
-        if unit is None:
-            return False
-        self._normal = unit
-        self._centre = position - self.config.finger_radius * unit
-        self._cells = self._window.add(self._centre, self._normal)
-        return True
+    def add(self, position: np.ndarray, normal: np.ndarray) -> None:  # noqa: D102
+        self._normal = normal
+        self._centre = position - self.config.finger_radius * normal
+        self._cells = self._window.add(self._centre, normal)
 
     def estimate(self) -> Patch:  # noqa: D102
         if not len(self._cells):
             return self.refused('no contact yet')
         cells, fit = self._best_fit()
-        extent = path_length(cells)
+        extent = float(_steps(cells).sum())
         known: dict[str, Any] = {
             'extent': extent, 'samples': int(cells[:, 6].sum()), 'residual': fit.residual,
             'frame': _frame(self._centre, fit, self.config.finger_radius)}

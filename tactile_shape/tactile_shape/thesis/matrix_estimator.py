@@ -14,7 +14,6 @@ from tactile_shape.types.patch import (
     Patch,
     PRIOR_CURVATURE,
     SurfaceEstimator,
-    usable_normal,
 )
 from tactile_shape.types.surface_matrix import PARAMETERS
 from tactile_shape.types.tangent import tangent_frame
@@ -41,15 +40,11 @@ class MatrixEstimator(SurfaceEstimator):
         self._kept.clear()
         self._newest: np.ndarray | None = None
 
-    def add(self, position: np.ndarray, normal: np.ndarray) -> bool:  # noqa: D102
-        unit = usable_normal(position, normal)
-        if unit is None:
-            return False
-        self._newest = np.concatenate([position, unit])
+    def add(self, position: np.ndarray, normal: np.ndarray) -> None:  # noqa: D102
+        self._newest = np.concatenate([position, normal])
         if not self._kept or (
                 np.linalg.norm(position - self._kept[-1][:3]) >= self._spacing):
             self._kept.append(self._newest)
-        return True
 
     def estimate(self) -> Patch:
         """Return the patch at the newest contact; invalid if any parameter is unseen."""
@@ -59,9 +54,12 @@ class MatrixEstimator(SurfaceEstimator):
         if contacts[-1] is not self._newest:
             contacts = [*contacts[1 - (self._kept.maxlen or 0):], self._newest]
         positions, normals = np.split(np.array(contacts), 2, axis=1)
-        points, normals, frame = contacts_in_frame(positions, normals)
-        fit = fit_matrix(points, normals, position_noise=self.config.position_noise,
-                         normal_noise=NORMAL_NOISE)
+        axes, origin = tangent_frame(normals[-1]), positions[-1]
+        frame = np.eye(4)
+        frame[:3, :3], frame[:3, 3] = axes, origin
+        fit = fit_matrix(
+            (positions - origin) @ axes, normals @ axes,
+            position_noise=self.config.position_noise, normal_noise=NORMAL_NOISE)
         steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
         known: dict[str, Any] = {'extent': float(steps.sum()), 'samples': len(contacts),
                                  'residual': fit.residual / NORMAL_NOISE}
@@ -69,12 +67,12 @@ class MatrixEstimator(SurfaceEstimator):
             if fit.surface is None:
                 raise SurfaceError('no normal was seen')
             local = fit.surface.normalised()
-            curvature, axes = local.curvatures()
+            curvature, directions = local.curvatures()
         except SurfaceError:
             return self.refused('the fitted surface has no normal at the contact', **known)
         pose = frame.copy()
-        pose[:3, :3] = frame[:3, :3] @ axes
-        covariance, seen = self._certainty(fit, axes)
+        pose[:3, :3] = axes @ directions
+        covariance, seen = _certainty(fit, directions)
         seen &= certain_enough(np.diag(covariance), curvature)
         back = np.linalg.inv(frame)
         known |= {'frame': pose, 'curvature': curvature, 'covariance': covariance, 'seen': seen,
@@ -89,24 +87,17 @@ class MatrixEstimator(SurfaceEstimator):
                                 'curvature', **known)
         return Patch(Kind.GENERAL, True, '', self.method, **known)
 
-    def _certainty(self, fit: MatrixFit, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """
-        Return the covariance of the principal curvatures and which of them are seen.
-
-        Unseen curvatures have the variance of the prior.
-        """
-        gradient = np.zeros((2, 10))
-        for row, (x, y, _) in zip(gradient, axes.T[:2], strict=True):
-            row[_CURVATURE] = -2.0 * np.array([x * x, 2.0 * x * y, y * y])
-        blind = np.linalg.norm(gradient @ fit.unseen.T, axis=1) if len(fit.unseen) else np.zeros(2)
-        covariance = gradient @ fit.covariance @ gradient.T
-        return (covariance + np.diag(blind * 0.5 * PRIOR_CURVATURE)**2,
-                blind < 0.1)
 
 
-def contacts_in_frame(positions: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return points and normals (N, 3) in the frame of the last contact, and its pose (4, 4)."""
-    axes = tangent_frame(normals[-1])
-    frame = np.eye(4)
-    frame[:3, :3], frame[:3, 3] = axes, positions[-1]
-    return (positions - positions[-1]) @ axes, normals @ axes, frame
+def _certainty(fit: MatrixFit, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return the covariance of the principal curvatures and which of them are seen.
+
+    Unseen curvatures have the variance of the prior.
+    """
+    gradient = np.zeros((2, 10))
+    for row, (x, y, _) in zip(gradient, directions.T[:2], strict=True):
+        row[_CURVATURE] = -2.0 * np.array([x * x, 2.0 * x * y, y * y])
+    blind = np.linalg.norm(gradient @ fit.unseen.T, axis=1)
+    covariance = gradient @ fit.covariance @ gradient.T
+    return covariance + np.diag(blind * 0.5 * PRIOR_CURVATURE)**2, blind < 0.1

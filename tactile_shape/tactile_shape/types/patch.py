@@ -5,7 +5,6 @@ from enum import IntEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from tactile_shape.types.surface_matrix import SurfaceMatrix
 from tactile_shape.types.tangent import height
@@ -88,28 +87,16 @@ class Patch:
         if not np.isfinite(self.curvature).all():
             return np.full((4, 4), np.nan)
         local = SurfaceMatrix.from_curvature(np.diag(self.curvature))
-        rotation, origin = self.frame[:3, :3], self.origin
-        back = np.eye(4)
-        back[:3, :3], back[:3, 3] = rotation.T, -rotation.T @ origin
-        return local.in_frame(back).matrix
+        return local.in_frame(np.linalg.inv(self.frame)).matrix
 
-    def sheet(self, length: float, width: float, direction: ArrayLike | None = None,
-              steps: tuple[int, int] = (21, 5)) -> np.ndarray:
+    def sheet(self, places: np.ndarray) -> np.ndarray:
         """
-        Return points (M, N, 3) of the patch over a rectangle in its tangent plane at the contact.
+        Return points (N, 3) of the patch over places (N, 2) of its tangent plane [m].
 
-        The rectangle's length [m] is along `direction` (3,), projected onto the tangent plane, or
-        along x if it is missing; `steps` is (M, N). A point is NaN beyond the place where the
-        surface becomes perpendicular to the tangent plane.
+        They are NaN beyond the border, where the surface is perpendicular to the tangent plane.
         """
-        axes = self.frame[:3, :3]
-        x, y = (1.0, 0.0) if direction is None else np.asarray(direction) @ axes[:, :2]
-        turn = np.array([[x, y], [-y, x]]) / np.hypot(x, y)
-        along, across = (0.5 * side * np.linspace(-1.0, 1.0, count)
-                         for side, count in zip((length, width), steps, strict=True))
-        u = np.stack(np.meshgrid(along, across, indexing='ij'), axis=-1) @ turn
-        z = height(np.diag(self.curvature), u)
-        return self.origin + u @ axes[:, :2].T + z[..., None] * axes[:, 2]
+        z = height(np.diag(self.curvature), places)
+        return self.origin + np.column_stack([places, z]) @ self.frame[:3, :3].T
 
 
 def refusal(reason: str, method: str = '', **known: Any) -> Patch:
@@ -122,9 +109,8 @@ class SurfaceEstimator(ABC):
     Estimator of the surface at the newest contact of a path; time and memory are bounded.
 
     `reset` forgets the path after a loss of contact. `add` takes a contact (3,) [m] and the
-    object's inward unit normal (3,), in the object's frame; it returns False and ignores them if
-    they are not finite or the normal has not length 1. `estimate` returns the Patch at the newest
-    contact; invalid, with a reason, if it is unknown.
+    object's inward unit normal (3,), in the object's frame. `estimate` returns the Patch at the
+    newest contact; invalid, with a reason, if it is unknown.
     """
 
     method: str
@@ -133,16 +119,18 @@ class SurfaceEstimator(ABC):
     def reset(self) -> None: ...  # noqa: D102
 
     @abstractmethod
-    def add(self, position: np.ndarray, normal: np.ndarray) -> bool: ...  # noqa: D102
+    def add(self, position: np.ndarray, normal: np.ndarray) -> None: ...  # noqa: D102
 
     @abstractmethod
     def estimate(self) -> Patch: ...  # noqa: D102
 
     def update(self, position: np.ndarray, normal: np.ndarray) -> Patch:
         """Add a contact and return the Patch there; it is invalid if the contact is unusable."""
-        if self.add(position, normal):
-            return self.estimate()
-        return self.refused('contact is not finite or its normal not of length 1')
+        unit = usable_normal(position, normal)
+        if unit is None:
+            return self.refused('contact is not finite or its normal not of length 1')
+        self.add(position, unit)
+        return self.estimate()
 
     def refused(self, reason: str, **known: Any) -> Patch:
         """Return an invalid Patch of this method, see `refusal`."""
