@@ -72,7 +72,7 @@ class Graph:
         self.executor.add_node(node)
         return node
 
-    def spin(self, until: Callable[[], bool] | None = None) -> None:
+    def spin(self, until: Callable[[], bool]) -> None:
         """Process callbacks until the context is shut down or `until()` returns True."""
         spin(self.executor, self.context, until)
 

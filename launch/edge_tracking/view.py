@@ -26,7 +26,7 @@ from tactile_common.command_line import Parser, refusing
 from tactile_common.config import bounded, documented
 from tactile_common.errors import TactileError
 from tactile_common.ros.cdr import unpacked
-from tactile_common.ros.conversions import stamp_to_ns
+from tactile_common.ros.conversions import set_stamp, stamp_to_ns
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run, split_ros_args
@@ -204,16 +204,11 @@ def drawn(header: Any, shades: np.ndarray, pitch: list[float], place: dict[str, 
             on &= np.maximum(np.abs(right), np.abs(up)) < 8.0 * thick
         pixels[on] = ESTIMATE
     high, wide, _ = pixels.shape
-    return Image(header=_header(header), height=high, width=wide, encoding='rgb8', step=3 * wide,
-                 data=array('B', pixels[::-1].tobytes()))
-
-
-def _header(read: Any) -> Any:
-    """Convert a header decoded by rosbags to an rclpy header."""
-    header = Image().header
-    header.frame_id, header.stamp.sec = read.frame_id, read.stamp.sec
-    header.stamp.nanosec = read.stamp.nanosec
-    return header
+    image = Image(height=high, width=wide, encoding='rgb8', step=3 * wide,
+                  data=array('B', pixels[::-1].tobytes()))
+    image.header.frame_id = header.frame_id
+    set_stamp(image.header.stamp, stamp_to_ns(header.stamp))
+    return image
 
 
 def parser() -> Parser:

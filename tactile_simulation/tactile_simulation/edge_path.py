@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tactile_common.errors import ConfigurationError
-from tactile_common.kernels import njit
 from tactile_common.polyline import arc_length, nearest_on_polyline, resample
 
 # An edge whose ends are closer than this is a closed contour [m].
@@ -75,22 +74,15 @@ class EdgePath:
             Horizontal distance to the nearest point of the edge, positive to the left of the
             direction of travel, and the arc length of that point [m].
         """
-        return _nearest(np.atleast_2d(np.asarray(points, float)), self.points, self.arclength)
+        xs, ys, _ = self.points.T
+        places = [nearest_on_polyline(xs, ys, self.arclength, x, y)
+                  for x, y, _ in np.atleast_2d(np.asarray(points, float)).tolist()]
+        return (np.array([place.offset for place in places]),
+                np.array([place.station for place in places]))
 
     def beside(self, s: np.ndarray) -> np.ndarray:
         """Return which arc lengths `s` (M,) of nearest points are not at an open end."""
         return self.closed | ((s > 0.0) & (s < self.length))
-
-
-@njit(cache=True)
-def _nearest(points: np.ndarray, vertices: np.ndarray,
-             stations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    lateral, along = np.empty(len(points)), np.empty(len(points))
-    for m in range(len(points)):
-        place = nearest_on_polyline(
-            vertices[:, 0], vertices[:, 1], stations, points[m, 0], points[m, 1])
-        lateral[m], along[m] = place.offset, place.station
-    return lateral, along
 
 
 def walk(start: Sequence[float], heading: float,

@@ -15,7 +15,7 @@ from typing import Any
 
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
-from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import RCLError
@@ -26,10 +26,10 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.ros.node import TactileNode
 from tactile_common.start import INTERRUPTED
 
-try:
-    from rclpy.experimental import EventsExecutor
+try:  # the cheapest executor of this rclpy
+    from rclpy.experimental import EventsExecutor as _Executor
 except ImportError:
-    EventsExecutor = None  # type: ignore[assignment]
+    from rclpy.executors import SingleThreadedExecutor as _Executor  # type: ignore[assignment]
 
 # Longest time between checks of `until` and the signals [s].
 _TICK = 0.05
@@ -46,28 +46,24 @@ def split_ros_args(args: list[str]) -> tuple[list[str], list[str]]:
     return args[:ros], args[ros:] or ['--ros-args']
 
 
-def make_executor(context: rclpy.Context | None = None) -> Executor:
-    """Return the cheapest executor of this rclpy for the nodes of a context, for `spin`."""
-    if EventsExecutor is not None:
-        return EventsExecutor(context=context)
-    return SingleThreadedExecutor(context=context)
+def make_executor(context: rclpy.Context) -> Executor:
+    """Return an executor for the nodes of a context, for `spin`."""
+    return _Executor(context=context)
 
 
-def spin(executor: Executor, context: rclpy.Context | None = None,
-         until: Callable[[], bool] | None = None) -> None:
+def spin(executor: Executor, context: rclpy.Context, until: Callable[[], bool]) -> None:
     """
     Process callbacks until the context is shut down or `until()` returns True.
 
     This is a loop of `spin_once`: `EventsExecutor.spin` uses a whole core in some builds, and
     repeated short waits for a future starve its timers on a busy machine.
 
-    `until()` is called after every callback and at least every 0.05 s. `context` is the executor's
-    context; the default context if missing. An error of rcl in a callback, such as an answer that
-    cannot be sent, does not end the loop: the nodes count it (see `TactileNode`).
+    `until()` is called after every callback and at least every 0.05 s. An error of rcl in a
+    callback, such as an answer that cannot be sent, does not end the loop: the nodes count it (see
+    `TactileNode`).
     """
-    context = context or rclpy.get_default_context()
     failed = 0
-    while context.ok() and not (until and until()):
+    while context.ok() and not until():
         try:
             executor.spin_once(timeout_sec=_TICK)
             failed = 0
