@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.skin.half_spaces import add_segment
 from tactile_sensing.thesis import line, point
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType, Reason
@@ -324,6 +325,19 @@ def test_things_as_broad_as_the_pad_are_no_point():
     noise = 5e-3 * frames.max()
     found = estimate_without_skin(frames + noise * rng.standard_normal(frames.shape), array, noise)
     assert found['valid'].mean() < 0.1
+
+
+def test_a_bar_that_is_too_short_for_a_line_is_a_point():
+    rng, array = np.random.default_rng(5), TactelArray(16, 16, 1.6e-3, 1.6e-3)
+    places, frames = rng.uniform(-6e-3, 6e-3, (40, 2)), np.zeros((40, *array.shape))
+    for place, frame, angle in zip(places, frames, rng.uniform(0.0, np.pi, 40), strict=True):
+        end = 1.5e-3 * np.array([np.cos(angle), np.sin(angle)])
+        add_segment(frame, array.x, array.y, 2.5e-3, *(place - end), *(place + end), 100.0, 100.0)
+    noise = 0.01 * frames.max()
+    found = estimate_without_skin(frames + noise * rng.standard_normal(frames.shape), array, noise)
+    assert (found['type'] == ContactType.POINT)[found['valid']].all()
+    assert found['valid'].mean() > 0.9
+    assert np.hypot(found['x'] - places[:, 0], found['y'] - places[:, 1]).max() < 0.4e-3
 
 
 def test_a_pad_that_is_smaller_than_what_it_feels_still_finds_places():

@@ -31,7 +31,7 @@ from tactile_sensing.contact.beliefs import (
 from tactile_sensing.contact.fit import fit_load, unfitted
 from tactile_sensing.contact.misfit import judge, LOUD, residual_of, shows_taper
 from tactile_sensing.contact.records import Beliefs, Hypothesis, Misfit, Readings, Residual
-from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, is_nothing, OFF_PAD, refusal
+from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, is_nothing, OFF_PAD, refusal, too_short
 from tactile_sensing.skin.bumps import (
     BASE,
     BEGIN,
@@ -254,7 +254,8 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
             theta[WIDTH] = FIRST_PATCH
         one = _fitted(pad, readings, scatter, kind,
                       ROBUST + BASELINE + POWER * power + ENDS * ends + PATCH * patch, theta)
-        if one.fit.evidence > best.fit.evidence:
+        if one.fit.evidence > best.fit.evidence and not (
+                ends and too_short(pad, one.fit.theta, ends)):
             best = _judged(pad, readings, one)
         if step == -1 and best.fit.evidence == -np.inf:
             break

@@ -130,5 +130,11 @@ def refusal(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     low, high = chord(pad, theta[Q0], theta[Q1])
     if high - low < SHORTEST * pad.pitch:
         return OFF_PAD
-    first, last, _ = loaded_chord(pad, theta, one.beliefs.ends)
-    return BAD_FIT * (last - first < SHORTEST * pad.pitch)  # too short to be a line
+    return BAD_FIT * too_short(pad, theta, one.beliefs.ends)
+
+
+@njit(error_model='numpy')
+def too_short(pad: Pad, theta: np.ndarray, ends: bool) -> bool:
+    """Return whether a load on the pad is too short to be a line."""
+    first, last, _ = loaded_chord(pad, theta, ends)
+    return last - first < SHORTEST * pad.pitch
