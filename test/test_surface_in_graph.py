@@ -45,7 +45,11 @@ def test_the_goal_is_met_in_spite_of_a_pause(tracked):
     client = tracked.client
     assert client.success, client.reason
     assert client.reason_code == ServoReason.LENGTH_REACHED
-    assert client.result.tracked_length == pytest.approx(LENGTH, abs=1e-3)
+    held = {status.reason_code for status in tracked.listener.statuses
+            if status.state == ServoStatus.HOLD}
+    # If images come late just before the end, the probe brakes beyond it.
+    braked = 1e-3 if held == {ServoReason.PAUSED} else 4e-3
+    assert LENGTH - 1e-3 < client.result.tracked_length < LENGTH + braked
     assert client.result.contact_kept > 0.99
     states = {status.state for status in tracked.listener.statuses}
     assert {ServoStatus.APPROACH, ServoStatus.TRACK, ServoStatus.HOLD,
