@@ -84,8 +84,11 @@ class NormalWay:
     def test_problem(self) -> str:
         """Return why the sensor has failed the test, '' if it has not."""
         assert self._test is not None
-        if not self._test.pressed and self.advance > self._test.deepest + self._unseen_way():
-            return f'{1e3 * self.advance:.1f} mm deeper, {self._inputs.load:.1f} N are felt'
+        saturated = self._inputs.saturated
+        deepest = self._test.deepest(saturated) + self._unseen_way()
+        if not self._test.pressed and self.advance > deepest:
+            return (f'{1e3 * self.advance:.1f} mm deeper, {self._inputs.load:.1f} N are felt'
+                    + ', with saturated tactels' * saturated)
         return self._test.problem() if self._test.over else ''
 
     @property

@@ -74,6 +74,14 @@ def test_gain_that_fades_from_before_the_touch_is_no_success(scene):
     assert not summary['ok'], summary['reason']
 
 
+@pytest.mark.parametrize('law', ['trace', 'resolved_rate'])
+def test_saturated_tactels_are_not_pressed_to_feel_more(law):
+    """A pad for a twelfth of the load feels 8 N as 4.8 N at most."""
+    _, summary = run('straight', EdgeGoal(0.05, 8.0, length=0.05), law=law, pa_per_count=50.0)
+    assert summary['reason_code'] == 'self_test' and 'saturated' in summary['reason']
+    assert summary['force_max'] < ServoConfig().force.max_load
+
+
 @pytest.mark.parametrize('scene', ['step_down', 'gap', 'slip', *(
     pytest.param(scene, marks=pytest.mark.long) for scene in ('wave', 'step_up', 'noise'))])
 def test_no_false_alarm_of_a_light_touch(scene):

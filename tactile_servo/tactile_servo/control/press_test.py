@@ -23,14 +23,13 @@ class PressTest:
 
     The depth computed from the force is a function of the depth measured by the robot, which must
     have the slope 1. `pressed` is True once the pad was pressed with the force of the test, at the
-    latest at the distance `deepest` [m] from the touch.
+    latest at the distance `deepest` from the touch.
     """
 
     def __init__(self, force: float, load: float, depth: Callable[[float], float]):
         self._depth, self._least = depth, max(PRESSED * force, load)
         self._aim = self._least + SURPLUS * force
-        # The pad may have touched the end of an edge, where it would meet little force for long.
-        self.deepest = min(UNLIKE * (depth(self._least) - depth(load)), PRESS_DEPTH)
+        self._expected = depth(self._least) - depth(load)
         self.pressed, self._release, self._lasted = False, 0.0, 0.0
         self._way: dict[int, tuple[float, float]] = {}  # advance and load, by stamp
 
@@ -38,6 +37,15 @@ class PressTest:
     def over(self) -> bool:
         """Whether the pad has returned."""
         return self._lasted >= LASTING
+
+    def deepest(self, saturated: bool) -> float:
+        """
+        Return how far from the touch the pad may go to be pressed [m].
+
+        It may have touched the end of an edge, where it would meet little force for long. While
+        tactels are saturated, the force is larger than the load, and the stiffness is trusted.
+        """
+        return min((1.0 if saturated else UNLIKE) * self._expected, PRESS_DEPTH)
 
     def see(self, stamp_ns: int, load: float, advance: float) -> None:
         """Process a load [N], its stamp [ns], and the advance of the pad at the stamp [m]."""
