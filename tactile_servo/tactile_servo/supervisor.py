@@ -270,7 +270,7 @@ class Supervisor:
         dt = self._clock.tick(now, now_ns)
         self.inputs.refresh(now, now_ns)
         joints = self.inputs.joints
-        if joints is not None and dt > 0.0:  # a clock that stands gives no ages
+        if joints is not None and dt > 0.0:  # a stopped clock gives no ages
             self._robot_clock.see(joints.stamp_ns, 1e-9 * (now_ns - joints.stamp_ns) - (
                 now - joints.arrival), now)
         if self.run is None or not self.active or (dt == 0.0 and self._clock.fault is None):

@@ -34,14 +34,23 @@ class Following:
                 motion.turn(place, robot, dt))
 
 
-class Coasting:
+class Travelling:
+    """Mode that ends after a way of the commanded pad, which other rules may slow down."""
+
+    def __init__(self) -> None:
+        self._way, self._last = 0.0, np.zeros(0)  # [m]; position in the plane
+
+    def count(self, place: PathPosition) -> None:
+        """Add the distance since the last cycle."""
+        there = place.there[:3, 3].copy()
+        self._way += float(np.linalg.norm(there - self._last)) if self._last.size else 0.0
+        self._last = there
+
+
+class Coasting(Travelling):
     """Move straight on from the end of a ridge, across a possible gap."""
 
     reason = Reason(ReasonCode.COASTING)
-
-    def __init__(self) -> None:
-        # Distance of the commanded pad from where the end of the ridge came into view [m]
-        self._way, self._begin = 0.0, np.zeros(0)
 
     def begun(self, scale: PadScale) -> bool:
         """Return True until the end of the ridge is reached."""
@@ -55,20 +64,15 @@ class Coasting:
 
     def move(self, motion: EdgeMotion, place: PathPosition, robot: Motion, dt: float) -> Wanted:
         """Return the motion of the next cycle."""
-        there = place.there[:3, 3]
-        self._begin = self._begin if self._begin.size else there.copy()
-        self._way = float(np.linalg.norm(there - self._begin))
+        self.count(place)
         velocity = motion.along(place, robot, dt, may_lift=True)
         return velocity, motion.press(place, dt, may_press=False), STILL
 
 
-class Searching:
+class Searching(Travelling):
     """Move towards the pressure."""
 
     reason = Reason(ReasonCode.SEARCHING)
-
-    def __init__(self) -> None:
-        self._way = 0.0
 
     def over(self, scale: PadScale) -> bool:
         """Return True if the search has gone too far."""
@@ -78,7 +82,7 @@ class Searching:
         """Return the motion of the next cycle."""
         speed, pull = min(SEARCH, motion.goal.speed), motion.sight.edge.picture.pull
         assert pull is not None  # without a pull the law does not search
-        self._way += speed * dt
+        self.count(place)
         x, y = pull.tolist()
         return motion.aside(speed * x, speed * y, dt), 0.0, STILL
 
