@@ -80,6 +80,11 @@ def test_tolerances_are_by_field(capsys):
     assert run(capsys, *change, '--compare')[0] == 1
     assert run(capsys, *change, '--compare', '--tolerance', '1')[0] == 0
     assert run(capsys, *change, '--compare', '--tolerance', 'speed=1')[0] == 1
+    own = Comparison({'contact.x': 0.1, 'covariance': 0.2})
+    assert [own._tolerance('contact', name) for name in ('x', 'covariance[3]', 'y')] == [
+        0.1, 0.2, 1e-7]
+    assert own._tolerance('joint_trajectory', 'points') == 1e-9
+    assert Comparison({'': 1.0})._tolerance('contact', 'covariance[0]') == 1.0
 
 
 @pytest.mark.parametrize('args, text', [

@@ -16,7 +16,7 @@ import signal
 import sys
 from typing import Any
 
-from edge_tracking.replay.comparison import TOLERANCE
+from edge_tracking.replay.comparison import TOLERANCES
 from edge_tracking.replay.one import describe, made_of, Options, replay_one, RESULT
 from tactile_common.command_line import between, Parser, REFUSED, refusing
 from tactile_common.errors import ConfigurationError
@@ -51,7 +51,9 @@ def parser() -> argparse.ArgumentParser:
         help='compare with what was recorded, or with another bag')
     add('--tolerance', dest='tolerances', action='append', default=[], type=tolerance,
         metavar='[[TOPIC.]FIELD=]VALUE',
-        help=f'that a field may differ by (default {TOLERANCE:g})')
+        help='that a field may differ by (default ' + ', '.join(
+            f'{name}={value:g}' if name else f'{value:g}' for name, value in TOLERANCES.items())
+        + ')')
     add('--namespace', help='of the sensor in a bag that has several')
     add('--jobs', type=between(1, 1000, kind=int), default=1, metavar='N',
         help='of many bags, replay as many at a time; those done before in OUT are skipped')
