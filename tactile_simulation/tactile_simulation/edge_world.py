@@ -158,11 +158,11 @@ def contour_errors(contour: np.ndarray, edge: EdgePath) -> tuple[float, float]:
     area : float
         Relative error of the area of a closed edge. NaN if the contour has too few points.
     """
-    if len(contour) < 2:
-        return NAN, NAN
     if edge.closed:
         contour = np.vstack([contour, contour[:1]])
     moved = (np.diff(contour, axis=0) != 0.0).any(axis=1)
+    if not moved.any():
+        return NAN, NAN
     rebuilt = EdgePath(contour[np.append(True, moved)])
     error = largest(edge.nearest(rebuilt.samples())[0])
     if not edge.closed:

@@ -162,6 +162,21 @@ def test_a_frame_without_a_pose_of_its_instant_is_not_sent(mock, scene, slow_pos
             node._stop.wait(0.005)
 
 
+def test_a_slow_machine_gets_fewer_frames_but_never_none(mock, scene, tmp_path):
+    """What a frame takes longer than its period is not carried on to all later frames."""
+    node = mock(scene=scene)
+    render = node._world.counts
+
+    def slow(*args):
+        time.sleep(1.5 * node._period)
+        return render(*args)
+
+    node._world.counts = slow
+    with closing(Listener(tmp_path / 'sensor')) as listener:
+        listener.read_bytes(40 * 258)
+    assert node.late > 5
+
+
 @pytest.mark.parametrize('delay, behind', [(0.03, 0.0), (0.0025, 0.008)])
 def test_a_frame_shows_the_pose_at_its_own_instant(
         mock, scene, slow_poses, monkeypatch, tmp_path, delay, behind):

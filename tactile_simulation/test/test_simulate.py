@@ -81,4 +81,6 @@ def test_contour_errors_look_both_ways():
     cut = np.delete(SQUARE[:-1], 2, axis=0)  # every point of it is on the edge, a corner is not
     assert contour_errors(cut, edge)[0] == pytest.approx(np.sqrt(0.5), rel=1e-3)
     assert area_of(SQUARE + 7.0) == pytest.approx(1.0)
-    assert np.isnan(contour_errors(SQUARE[:0], edge)).all()
+    for few in (SQUARE[:0], SQUARE[:1], SQUARE[[1, 1, 1]]):
+        assert np.isnan(contour_errors(few, edge)).all()
+        assert np.isnan(contour_errors(few, EdgePath(SQUARE[:3]))).all()

@@ -1,6 +1,6 @@
 """Simulated tactile sensor node that sends a device's bytes on a pseudo-terminal."""
 from dataclasses import dataclass
-import itertools
+import math
 import sys
 import threading
 import time
@@ -24,10 +24,11 @@ from tactile_simulation.scene import load_scene
 from tactile_simulation.scene_calibration import ACQUISITION_DELAY
 
 _LISTENER_CHECK = 0.002  # s between checks for the first listener; nothing is sent before
-_LATE = 2  # periods; a later frame of a scene is not sent, because its stamp would be too new
-# A frame is not sent where no pose is known so close to its instant: two poses of the slowest
+# A frame of a scene is left out if it is later than this, because its stamp would be too new [s].
+_LATE = 0.01
+# It is also left out if no pose is known so close to its instant [s]: two poses of the slowest
 # robot, at 250 Hz.
-_MAX_POSE_AGE = 0.01  # s
+_MAX_POSE_AGE = 0.01
 _KEPT_POSES = 2000  # enough for one second at any rate of the robot
 
 
@@ -113,7 +114,7 @@ class MockSensorNode(TactileNode):
             self.blind += 1
         else:
             counts = self._world.counts(pose, self._rng, instant)
-            if time.monotonic() - instant - ACQUISITION_DELAY <= _LATE * self._period:
+            if self._lateness(instant) <= _LATE:
                 return counts
             self.late += 1
         self.get_logger().warning(
@@ -121,12 +122,15 @@ class MockSensorNode(TactileNode):
             'instant', throttle_duration_sec=5.0)
         return None
 
+    def _lateness(self, instant: float) -> float:
+        return time.monotonic() - instant - ACQUISITION_DELAY
+
     def _run(self) -> None:
         while not self._port.listened:
             if self._stop.wait(_LISTENER_CHECK):
                 return
-        begin = time.monotonic()
-        for number in itertools.count():
+        begin, number = time.monotonic(), 0
+        while True:
             instant = begin + number * self._period
             if self._stop.wait(max(instant + ACQUISITION_DELAY - time.monotonic(), 0.0)):
                 return
@@ -136,6 +140,11 @@ class MockSensorNode(TactileNode):
             counts = self._frame(instant)
             if counts is not None:
                 self._send(self._device.encode(counts, round(instant * NS)))
+            number += 1
+            late = self._lateness(begin + number * self._period)
+            if late > _LATE:  # to render them all would make every later frame late as well
+                passed = math.ceil(late / self._period)
+                number, self.late = number + passed, self.late + passed
 
     def _send(self, frame: bytes) -> None:
         if not self._port.listened or not self._device.running:
