@@ -1,4 +1,6 @@
 """Stamps of frames from the times of reads: stalls, bursts, floods; no clock is read."""
+from itertools import groupby
+
 import numpy as np
 import pytest
 
@@ -93,8 +95,9 @@ def test_a_flood_is_thinned(clock, per_read):
     got, total = 0, 8300
     for k in range(0, total, per_read):
         data = b''.join(encode_next(picture(n)) for n in range(k, k + per_read))
-        got += len(clock.receive(data, NOON + PERIOD + round(k / 8300 * 1e9)))
-    assert got <= (1.0 + BURST) * RATE_MARGIN * RATE + 1
+        seconds = 1e-9 * PERIOD + k / 8300  # since the last frame of the fixture
+        got += len(clock.receive(data, NOON + round(1e9 * seconds)))
+    assert got <= (seconds + BURST) * RATE_MARGIN * RATE
     assert clock.thinned >= total - (1.0 + BURST) * RATE_MARGIN * RATE - per_read
 
 
@@ -136,22 +139,30 @@ def test_a_new_start_forgets_half_a_frame(clock):
     assert clock.stalled == 0
 
 
-def test_frames_that_waited_while_newer_ones_were_lost_are_old(clock):
-    """A reader is 0.5 s late; the port has kept the first 16 frames and lost the others."""
-    data = b''.join(encode_next(picture(k)) for k in range(16))
-    got = clock.receive(data, NOON + 100 * PERIOD, NOON)
-    assert [frame.stamp_ns - NOON for frame in got] == [PERIOD * k for k in range(1, 17)]
+@pytest.mark.parametrize('there', [
+    range(16), range(84, 100), range(0, 100, 2), [*range(50), *range(53, 100)]],
+    ids=['the oldest', 'the newest', 'every second', 'all but three'])
+def test_frames_of_a_backlog_that_others_are_missing_from_are_not_given(clock, there):
+    """A reader is .5 s late: nobody knows when the frames were sent that are there."""
+    data = b''.join(encode_next(picture(k)) for k in there)
+    assert clock.receive(data, NOON + 100 * PERIOD, NOON) == []
+    assert clock.stalled == len(there)
     (stamped,) = clock.receive(encode_next(picture(50)), NOON + 101 * PERIOD, NOON + 100 * PERIOD)
     assert stamped.stamp_ns == NOON + 101 * PERIOD
 
 
-def test_frames_that_waited_and_are_all_there_have_their_time(clock):
-    data = b''.join(encode_next(picture(k)) for k in range(100))
-    half = len(data) // 2
-    got = clock.receive(data[:half], NOON + 100 * PERIOD, NOON)
-    got += clock.receive(data[half:], NOON + 100 * PERIOD + 1000, NOON)
+@pytest.mark.parametrize('late', [4, 20, 100])
+@pytest.mark.parametrize('slower', [1, 2, 4], ids='as said, half, a quarter'.split(', '))
+def test_frames_that_waited_and_are_all_there_have_their_time(late, slower):
+    """Also those of a sensor that is slower than its nominal rate."""
+    clock, period = FrameClock(FlexiTacDecoder(*SHAPE), RATE), slower * PERIOD
+    clock.receive(MARKER, NOON)
+    for k in range(-200, 1):
+        clock.receive(encode_next(picture(0)), NOON + k * period)
+    data = b''.join(encode_next(picture(k)) for k in range(late))
+    got = clock.receive(data, NOON + late * period, NOON)
     np.testing.assert_allclose([frame.stamp_ns - NOON for frame in got],
-                               PERIOD * np.arange(1, 101), atol=50 * 1000)
+                               period * np.arange(1, late + 1), atol=50 * 1000)
 
 
 def received(jitter, drift=50e-6, seconds=14.0, stamp='', step=0, lost=()):
@@ -175,14 +186,18 @@ def received(jitter, drift=50e-6, seconds=14.0, stamp='', step=0, lost=()):
 
 
 @pytest.mark.parametrize('stamp', ['', 'us'])
-@pytest.mark.parametrize('jitter', [
-    lambda rng: 0.002 * rng.random(), lambda rng: abs(rng.normal(0.0, 0.002)),
-    lambda rng: rng.exponential(0.002)], ids=['uniform', 'normal', 'exponential'])
-def test_stamps_are_without_the_jitter_of_the_reception(jitter, stamp):
-    """At 200 Hz, with 2 ms of jitter and a clock error of 50 ppm: .3 ms RMS after 5 s."""
+@pytest.mark.parametrize('jitter, counted', [
+    (lambda rng: 0.002 * rng.random(), 0.3e-3), (lambda rng: abs(rng.normal(0.0, 0.002)), 0.3e-3),
+    (lambda rng: rng.exponential(0.002), 1e-3)], ids=['uniform', 'normal', 'exponential'])
+def test_stamps_are_without_the_jitter_of_the_reception(jitter, counted, stamp):
+    """
+    At 200 Hz, with 2 ms of jitter and a clock error of 50 ppm: .3 ms RMS after 5 s.
+
+    Without stamps of the device, the time is corrected by a period at most.
+    """
     sent, stamps = received(jitter, stamp=stamp)
     off = (stamps - sent)[round(5.0 * RATE):]
-    assert np.sqrt(np.mean(off**2)) < 0.3e-3
+    assert np.sqrt(np.mean(off**2)) < (0.3e-3 if stamp else counted)
     assert np.all(np.diff(stamps) > 0.0)
 
 
@@ -210,6 +225,41 @@ def test_frames_that_a_device_leaves_out_without_a_word_move_no_stamp():
     off, late = np.array(off[1000:]).T
     assert np.sqrt(np.mean(off[late < 2e6]**2)) < 0.3e6
     assert np.all(off <= late + 100) and off.min() > -0.3e6
+
+
+@pytest.mark.parametrize('nominal', [RATE, RATE / 2, 0.0])
+@pytest.mark.parametrize('stamp', ['', 'us'])
+@pytest.mark.parametrize('omitted', [0.0, 0.2])
+def test_an_adapter_that_passes_frames_on_every_16_ms(nominal, stamp, omitted):
+    """This is the default of common adapters from serial to USB. Most reads give 3 frames."""
+    rng, clock = np.random.default_rng(2), FrameClock(CsvDecoder(*SHAPE, stamp=stamp), nominal)
+    device, off, every = CsvDevice(stamp), [], 16_000_000
+    clock.receive(b'\n', NOON)
+    sent = PERIOD * np.flatnonzero(rng.random(4000) >= omitted)
+    for read, group in groupby(sent, key=lambda at: -(-at // every) * every):
+        times = list(group)
+        data = b''.join(device.encode(picture(at // PERIOD), at) for at in times)
+        off += [frame.stamp_ns - NOON - at for frame, at in
+                zip(clock.receive(data, NOON + read), times, strict=True)]
+    off = np.array(off[1000:])
+    assert np.sqrt(np.mean(off**2)) < (2e6 if stamp else PERIOD) and abs(off).max() <= every
+
+
+@pytest.mark.parametrize('omitted', [0.1, 0.3, 0.5])
+@pytest.mark.parametrize('jitter', [0.001e9, 0.004e9])
+def test_many_omitted_frames_make_no_stamp_older_than_by_a_period(omitted, jitter):
+    """In every second block of 2.5 s; now and then the reader, too, is late by some periods."""
+    rng, clock = np.random.default_rng(9), FrameClock(CsvDecoder(*SHAPE), RATE)
+    clock.receive(b'\n', NOON)
+    device, early, arrival = CsvDevice(), [], 0
+    for k in range(4000):
+        if rng.random() < omitted * (k // 500 % 2):
+            continue
+        stall = 0.012e9 * (rng.random() < 0.02)
+        arrival = max(arrival, k * PERIOD + round(stall + jitter * rng.random()))
+        early += [k * PERIOD - (frame.stamp_ns - NOON)
+                  for frame in clock.receive(device.encode(picture(k)), NOON + arrival)]
+    assert max(early) < PERIOD
 
 
 def test_a_frame_that_is_counted_as_lost_moves_no_stamp():

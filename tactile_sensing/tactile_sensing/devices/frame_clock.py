@@ -13,6 +13,9 @@ NS = 1_000_000_000
 STALL_PERIODS, STALL_NS = 3, 10_000_000
 RATE_MARGIN = 6.0  # largest rate relative to the nominal one: a sensor may be set faster
 MAX_RATE = 10e3  # largest rate if no nominal rate is known [Hz]
+# Periods that a backlog may lack: one for a frame that was left out, and one for the part of a
+# period before its first frame and after its last one.
+MOST_MISSING = 2
 BURST = 0.1  # frames of this time may arrive at once after a pause [s]
 BLOCK_NS = NS // 2  # the frame with the smallest delay of each such block is used
 LEAST_BLOCKS, BLOCKS = 4, 20  # smallest and largest number of blocks that a line is fitted to
@@ -41,7 +44,7 @@ class SendTime:
     drift of the device's clock. If the device time is only a count of frames, a frame that is late
     by a period shows that the device omitted a frame, provided that the jitter is well below a
     period. The result is never later than the arrival, and earlier by at most three times the
-    usual jitter.
+    usual jitter, with a count also by at most a period: omitted frames look like jitter.
     """
 
     def __init__(self) -> None:
@@ -57,9 +60,9 @@ class SendTime:
         self._line = 0.0, 0.0
         self._origin = (0, 0)
 
-    def of(self, device_ns: int, arrival_ns: int, period_ns: float = 0.0) -> int:
+    def of(self, device_ns: int, arrival_ns: int, latest_ns: int, period_ns: float = 0.0) -> int:
         """
-        Return when a frame was sent [ns], given its device time and arrival.
+        Return when a frame was sent [ns], given its device time, assumed and latest arrival.
 
         If the device time is a count of frames times their period, give the period too.
         """
@@ -70,16 +73,16 @@ class SendTime:
                 late_ns / (self._line[0] * period_ns) + EARLY))
             self._left_out_ns += left_out_ns
             device_ns += left_out_ns
-        self._block.append((device_ns, arrival_ns))
-        if (abs(arrival_ns - self._block[0][1]) >= BLOCK_NS
+        self._block.append((device_ns, latest_ns))
+        if (abs(latest_ns - self._block[0][1]) >= BLOCK_NS
                 or len(self._block) >= MAX_RATE):  # in case the clock stands still
             self._blocks.append(np.array(self._block))
             self._block = []
             self._fit()
         if not self._line[0]:
             return arrival_ns
-        most_ns = round(MOST_JITTER * self._jitter_ns)
-        return min(max(self._sent(device_ns), arrival_ns - most_ns), arrival_ns)
+        most_ns = round(min(MOST_JITTER * self._jitter_ns, period_ns or math.inf))
+        return min(max(self._sent(device_ns), arrival_ns - most_ns), latest_ns)
 
     def _sent(self, device_ns: int) -> int:
         slope, offset = self._line
@@ -116,10 +119,10 @@ class FrameClock:
     If the bytes of a frame took longer than usual, its stamp is earlier by the difference, because
     a frame is as old as its first byte. If they took `STALL_PERIODS` and `STALL_NS`, the frame is
     rejected. If several frames are read at once, they are assumed to have arrived one period
-    apart. If the reader had not caught up with the port for as long as a stall, the bytes may have
-    waited while newer ones were lost: with a known nominal rate, such frames get the earliest
-    possible stamp. The rate of images is limited to `RATE_MARGIN` times the nominal rate [Hz],
-    or to `MAX_RATE` if that is 0, averaged over `BURST`.
+    apart. If the reader had not caught up with the port for as long as a stall, and frames of that
+    time are missing, those that are there may be older or newer: they are rejected, unless they
+    have times of the device. The rate of images is limited to `RATE_MARGIN` times the nominal rate
+    [Hz], or to `MAX_RATE` if that is 0, averaged over `BURST`.
     """
 
     def __init__(self, decoder: Decoder, nominal_rate: float = 0.0):
@@ -128,7 +131,7 @@ class FrameClock:
                 f'rate is {nominal_rate} Hz, must be from 0 to {MAX_RATE:g} Hz')
         self.decoder = decoder
         self._limit = RATE_MARGIN * nominal_rate or MAX_RATE  # Hz
-        # Frames that were rejected because their bytes took too long, or the rate was too high.
+        # Frames that were rejected: it is unknown when they were sent, or the rate was too high.
         self.stalled = self.thinned = 0
         self.jitter_ns = 0.0  # mean delay of frames between stamp and reading
         self._nominal_ns = NS / nominal_rate if nominal_rate else 0.0
@@ -162,24 +165,25 @@ class FrameClock:
         self.decoder.receive_data(data)
         frames = [(frame, *self._times(frame)) for frame in iter(self.decoder.next_frame, None)]
         self._forget(self._received - self.decoder.buffered)
-        if len(frames) == 1:
-            self._learn_period(now_ns)
-        if frames:
-            self._newest_ns = now_ns
         given = []
         behind = Counter(last_ns for *_, last_ns in frames)  # remaining frames of each read
-        since_ns = now_ns if caught_up_ns is None else caught_up_ns
-        late = self._nominal_ns and now_ns - since_ns >= self._stall_ns()
+        self._backlog += len(frames)
+        waited_ns = 0 if caught_up_ns is None else now_ns - caught_up_ns
+        uncertain = (waited_ns >= self._stall_ns()
+                     and waited_ns >= (self._backlog + MOST_MISSING) * self._period_ns)
         for frame, first_ns, last_ns in frames:
             behind[last_ns] -= 1
-            self._backlog += 1
-            arrival_ns = last_ns - round(behind[last_ns] * self._period_ns)
-            if late:
-                arrival_ns = min(arrival_ns, since_ns + round(self._backlog * self._nominal_ns))
-            stamp_ns = self._judge(frame, first_ns, arrival_ns)
+            if uncertain and frame.device_ns is None:
+                self.stalled += 1
+                continue
+            arrival_ns = max(last_ns - round(behind[last_ns] * self._period_ns), caught_up_ns or 0)
+            stamp_ns = self._judge(frame, first_ns, arrival_ns, last_ns)
             if stamp_ns is not None:
                 self.jitter_ns += 0.02 * (now_ns - stamp_ns - self.jitter_ns)
                 given.append(SensorImage(stamp_ns, frame.sequence, frame.counts))
+        if frames:
+            self._learn_period(now_ns, len(frames))
+            self._newest_ns = now_ns
         return given
 
     def _times(self, frame: Frame) -> tuple[int, int]:
@@ -191,18 +195,23 @@ class FrameClock:
         while self._arrivals and self._arrivals[0][0] <= position:
             self._arrivals.popleft()
 
-    def _learn_period(self, now_ns: int) -> None:
-        since_ns = min(now_ns - self._newest_ns, NS)  # limits the effect of a long pause
+    def _learn_period(self, now_ns: int, frames: int) -> None:
+        since_ns = now_ns - self._newest_ns
         if self._newest_ns and since_ns > 0:
             gain = 0.1 if self._period_ns else 1.0
-            self._period_ns += gain * (since_ns - self._period_ns)
+            most_ns = 2.0 * self._period_ns or NS  # limits the effect of a pause
+            self._period_ns += gain * (min(since_ns / frames, most_ns) - self._period_ns)
 
     def _stall_ns(self) -> float:
         period_ns = self._nominal_ns or self._period_ns
         return max(STALL_PERIODS * period_ns, STALL_NS) if period_ns else NS
 
-    def _judge(self, frame: Frame, first_ns: int, last_ns: int) -> int | None:
-        """Return the stamp of a frame [ns] from the times of its bytes; None: rejected."""
+    def _judge(self, frame: Frame, first_ns: int, last_ns: int, read_ns: int) -> int | None:
+        """
+        Return the stamp of a frame [ns] from the times of its bytes; None: rejected.
+
+        The last byte was read at `read_ns`; `last_ns` is when it is assumed to have arrived.
+        """
         took_ns = max(last_ns - first_ns, 0)
         if took_ns >= self._stall_ns():
             self.stalled += 1
@@ -210,10 +219,10 @@ class FrameClock:
         stamp_ns = last_ns - max(took_ns - round(self._usual_ns), 0)
         self._usual_ns += 0.1 * (took_ns - self._usual_ns)
         if frame.device_ns is not None:
-            stamp_ns = self._send_time.of(frame.device_ns, stamp_ns)
+            stamp_ns = self._send_time.of(frame.device_ns, stamp_ns, read_ns)
         elif self._nominal_ns:
-            stamp_ns = self._send_time.of(
-                round(frame.sequence * self._nominal_ns), stamp_ns, self._nominal_ns)
+            stamp_ns = self._send_time.of(round(frame.sequence * self._nominal_ns), stamp_ns,
+                                          stamp_ns, self._nominal_ns)
         if 0 <= self._given_ns - stamp_ns < JUMP_NS:
             stamp_ns = self._given_ns + 1  # the period was overestimated
         elapsed = 1e-9 * max(stamp_ns - self._given_ns, 0)

@@ -249,7 +249,8 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         for name, reason in (
                 ('thinned_frames', 'images come too fast: more than 6 times the nominal_rate of '
                  'the calibration'),
-                ('stalled_frames', 'images were dropped whose bytes stalled in the middle'),
+                ('stalled_frames', 'images were dropped: the pause in their bytes, or a slow '
+                 'machine, leaves open when they were sent'),
                 ('skipped_frames', 'images were dropped as they had waited: this machine is too '
                  'slow'),
                 ('check_errors', 'bytes arrive that fail their checksum'),
