@@ -11,7 +11,9 @@ DETECTION = 5.0  # lowest pressure of a ridge [standard deviations of one tactel
 FAINT = 0.12  # lowest pressure of a ridge, as share of the highest pressure
 OFFSET = 0.6  # largest distance of a ridge point from the centre of its tactel [pitches]
 NOISY = 0.05  # the image is smoothed first if the noise is above this share of the peak
-WIDEST = 3.0  # largest apparent width d of (3.1), also where two edges merge [depths]
+# Apparent width d of (3.1) [depths]: the least, of tactels on a bone; and the largest, also where
+# two edges merge. On coarse arrays a skin on bone looks narrower beside its ridge than on it.
+NARROWEST, WIDEST = 0.85, 3.0
 _DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))  # steps to a neighbour: row, column
 # Place [m] and direction (its sign is arbitrary) in the sensor frame, pressure on the ridge [Pa],
 # and quality: 1 for a straight ridge, 0 for a round spot.
@@ -57,7 +59,7 @@ def ridge_of(mended: np.ndarray, x: np.ndarray, y: np.ndarray, noise: float,
     if noise > NOISY * peak:
         mended, noise = _smoothed(mended), 0.375 * noise
     floor = max(DETECTION * noise, FAINT * peak)
-    return _ridge(mended, x, y, floor, noise, (WIDEST * depth)**2)
+    return _ridge(mended, x, y, floor, noise, depth)
 
 
 @njit(cache=True)
@@ -128,7 +130,7 @@ def _smoothed(p: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _ridge(p: np.ndarray, x: np.ndarray, y: np.ndarray, floor: float, noise: float,
-           widest: float) -> np.ndarray:
+           depth: float) -> np.ndarray:
     rows, columns = p.shape
     found = np.empty(rows * columns, RIDGE_POINT)
     count = 0
@@ -149,10 +151,11 @@ def _ridge(p: np.ndarray, x: np.ndarray, y: np.ndarray, floor: float, noise: flo
             dx, dy = across * nx, across * ny
             if abs(dx) > OFFSET * pitch_x or abs(dy) > OFFSET * pitch_y:
                 continue
-            least = f0 - 0.5 * steep * across * across
             # Across a line load, p^(-1/2) is proportional to v^2 + d^2.
-            if not (least > 0.0 and 2.0 * least < widest * steep):
+            width2 = max(2.0 * f0 / steep - across * across, (NARROWEST * depth)**2)
+            if not (f0 > 0.0 and width2 < (WIDEST * depth)**2):
                 continue
+            least = f0 * width2 / (across * across + width2)
             point = found[count]
             point.x, point.y, point.tx, point.ty = x[c] + dx, y[r] + dy, -ny, nx
             point.pressure = 1.0 / least**2
