@@ -103,6 +103,20 @@ def test_a_short_line_before_an_arc_is_none_of_the_arc():
     assert np.linalg.norm(outline.points[0] - lifted(path)[0]) < 5e-5
 
 
+@pytest.mark.parametrize('radius, degrees', [(0.012, 60), (0.016, 45), (0.025, 35)])
+def test_a_short_arc_between_lines_is_not_two_corners(radius, degrees):
+    turn = np.radians(degrees)
+    along = np.arange(0.0, 0.08 + radius * turn, 1e-3)
+    heading = np.clip((along - 0.04) / radius, 0.0, turn)
+    contour = 1e-3 * np.cumsum(np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    for seed in range(10):
+        noise = np.random.default_rng(seed).normal(0.0, 1e-5, contour.shape)
+        outline = find_outline(lifted(contour + noise))
+        assert [side.kind for side in outline.sides] == ['line', 'arc', 'line']
+        assert len(outline.corners) == 0
+        assert outline.sides[1].radius == pytest.approx(radius, rel=0.05)
+
+
 def test_a_whole_circle_and_a_line():
     s = np.linspace(0.0, 2.0 * np.pi, 800)
     ring = find_outline(lifted(0.03 * np.column_stack([np.cos(s), np.sin(s)])))
@@ -193,11 +207,33 @@ def test_the_ends_of_an_open_contour_are_on_its_sides():
     assert np.abs(find_outline(lifted(contour)).points[[0, -1]] - true).max() < 1e-4
 
 
+def test_a_contour_that_first_goes_back_and_forth_is_not_closed():
+    """As the contacts of a pad that met a wave nearly across it."""
+    rng = np.random.default_rng(4)
+    way = 1e-3 * np.concatenate([np.arange(0, -14, -1.0), np.arange(-14, 130, 1.0)])
+    points = np.column_stack([5e-5 * rng.standard_normal(way.size), way, np.zeros(way.size)])
+    outline = find_outline(points)
+    assert not outline.closed and len(outline.corners) == 0
+    assert outline.sides[0].length > 0.128
+
+
 def test_a_gap_makes_no_corner():
     y = np.concatenate([np.arange(0.0, 0.07, 1e-3), np.arange(0.084, 0.18, 1e-3)])
     rng = np.random.default_rng(9)
     line = np.column_stack([rng.normal(0.0, 2e-5, len(y)), y, np.zeros(len(y))])
     assert len(find_outline(line).corners) == 0
+
+
+@pytest.mark.parametrize('across', [6e-3, 12e-3])
+def test_a_step_makes_no_corner_far_away(across):
+    """An object that slipped: the sides before and after the step are parallel."""
+    x = np.arange(0.0, 0.18, 1e-3)
+    for seed in range(20):
+        y = np.where(x < 0.08, 0.0, across)
+        y += np.random.default_rng(seed).normal(0.0, np.where(abs(x - 0.08) < 8e-3, 2e-4, 2e-5))
+        outline = find_outline(lifted(np.column_stack([x, y])))
+        apart = np.linalg.norm(outline.points[:, None, :2] - np.column_stack([x, y]), axis=2)
+        assert apart.min(axis=1).max() < 1e-2
 
 
 def test_the_plane_does_not_matter():
@@ -209,7 +245,8 @@ def test_the_plane_does_not_matter():
 
 @pytest.mark.parametrize('points, message', [
     (np.zeros((3, 3)), 'shape'), (np.zeros((5, 2)), 'shape'), (np.full((9, 3), np.nan), 'finite'),
-    (np.zeros((9, 3)), 'long')])
+    (np.zeros((9, 3)), 'long'),
+    ([[0.0, 0.0, 0.0], [0.096, 0.0, 0.0], [0.1, 0.0, 0.0], [0.105, 0.0, 0.0]], '96 of its 105')])
 def test_refused_contours(points, message):
     with pytest.raises(ConfigurationError, match=message):
         find_outline(points)

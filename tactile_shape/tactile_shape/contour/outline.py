@@ -22,9 +22,10 @@ ROUNDING = 3e-3  # m of contour next to a corner, not used because the skin roun
 # m, largest distance of contacts at a corner from the sides, in addition to that of an arc with a
 # radius of `ROUNDING`.
 BLUNTED = 0.45e-3
+FARTHEST = 3.0 * ROUNDING  # m, largest distance of a corner from the contour
 LEAST_TURN = 0.05  # rad; a line that turns by less continues the line before it
 CORNER_ANGLE = 0.5  # rad; a larger turn between a line and an arc is a corner
-SHORTEST = 12e-3  # m; a shorter contour is refused
+SHORTEST = 12e-3  # m; a shorter contour is refused, a longer step is a gap
 TOLERANCE = 1e-4  # m, departure of a contour from lines and arcs, in addition to its noise
 SPACING = 1e-3  # m; contour points closer than this are averaged
 CLOSING = 2e-3  # m, largest gap between the ends of a closed contour
@@ -78,17 +79,22 @@ def find_outline(points: ArrayLike) -> Outline:
     Raises
     ------
     ConfigurationError
-        There are fewer than four points, a number is not finite, or the contour is too short.
+        There are fewer than four points, a number is not finite, the contour is too short, or most
+        of it lies between points that are far from each other.
     """
     points = np.asarray(points, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < 4:
         raise ConfigurationError(f'contour has shape {points.shape}, must be (N, 3), N above 3')
     if not np.isfinite(points).all():
         raise ConfigurationError('contour: a number is not finite')
-    length = arc_length(points)[-1]
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    length, unseen = steps.sum(), steps[steps > SHORTEST].sum()
     if length < SHORTEST:
         raise ConfigurationError(
             f'contour is {1e3 * length:.3g} mm long, must be at least {1e3 * SHORTEST:.3g} mm')
+    if unseen > 0.5 * length:
+        raise ConfigurationError(f'contour: along {1e3 * unseen:.0f} of its {1e3 * length:.0f} mm '
+                                 'there is no point, must be at most half')
     centre, axes = _plane(points)
     flat, closed = _cut_overlap((points - centre) @ axes[:, :2])
     flat = _average(flat)
@@ -145,7 +151,7 @@ def _is_rounding(one: Curve, points: np.ndarray, other: Curve) -> bool:
     corner = meeting(one, other, points[0])
     off = [min(np.linalg.norm(point - on_curve(line, point)) for line in (one, other))
            for point in points]
-    return bool(np.linalg.norm(points - corner, axis=1).max() < 3.0 * ROUNDING
+    return bool(np.linalg.norm(points - corner, axis=1).max() < FARTHEST
                 and max(off) < BLUNTED + ROUNDING * (1.0 - np.cos(0.5 * turn)))
 
 
@@ -191,7 +197,11 @@ def _cut_overlap(flat: np.ndarray) -> tuple[np.ndarray, bool]:
     # First return to the start, after the contour was far away from it.
     far = np.flatnonzero(away > max(SHORTEST, 0.1 * away.max()))
     if len(far):
-        back = np.flatnonzero((away < CLOSING) & (travel > travel[far[0]]))
+        # A way there and back encloses nothing. The area is that up to each point.
+        x, y = (flat - flat[0]).T
+        area = 0.5 * np.abs(np.cumsum(np.append(0.0, x[:-1] * y[1:] - x[1:] * y[:-1])))
+        back = np.flatnonzero((away < CLOSING) & (travel > travel[far[0]])
+                              & (2.0 * area > CLOSING * travel))
         if len(back):
             last = back[0]
             while last + 1 < len(flat) and away[last + 1] < away[last]:
@@ -203,16 +213,23 @@ def _cut_overlap(flat: np.ndarray) -> tuple[np.ndarray, bool]:
 def _assemble(runs: list[np.ndarray], closed: bool, std: float,
               lift: Callable[[ArrayLike], np.ndarray]) -> Outline:
     """Make the outline from runs of points; `lift` transforms points (..., 2) into space."""
-    curves = [fit_curve(_between_roundings(run, True, True), std) for run in runs]
-    # Whether there is a corner at the start of each run; the last one is that of the first again.
-    corner = [k > 0 or closed and len(runs) > 1 for k in range(len(runs))]
-    corner = [there and _meet_at_corner(curves[k - 1], curves[k], runs[k][0])
-              for k, there in enumerate(corner)]
-    corner.append(corner[0])
-    curves = [fit_curve(_between_roundings(run, corner[k], corner[k + 1]), std)
-              for k, run in enumerate(runs)]
-    starts = [meeting(curves[k - 1], curves[k], run[0]) if corner[k] else on_curve(
-        curves[k], run[0]) for k, run in enumerate(runs)]
+    def corners_of(curves: list[Curve]) -> list[np.ndarray | None]:
+        """Return the corner at the start of each run, or None, and again that of the first."""
+        found = [_corner_of(curves[k - 1], curves[k], run[0])
+                 if k > 0 or closed and len(runs) > 1 else None for k, run in enumerate(runs)]
+        return found + found[:1]
+
+    # An arc is first fitted as a whole: what a corner rounds of it hardly turns its ends.
+    curves = [fit_curve(run, std) for run in runs]
+    curves = [curve if curve.kind == 'arc' else fit_curve(_between_roundings(run, True, True), std)
+              for run, curve in zip(runs, curves, strict=True)]
+    corners = corners_of(curves)
+    curves = [fit_curve(_between_roundings(
+        run, corners[k] is not None, corners[k + 1] is not None), std)
+        for k, run in enumerate(runs)]
+    corners = corners_of(curves)
+    starts = [on_curve(curve, run[0]) if corner is None else corner
+              for run, curve, corner in zip(runs, curves, corners, strict=False)]
     ends = starts[1:] + [starts[0] if closed else on_curve(curves[-1], runs[-1][-1])]
     sides = []
     for run, curve, start, end in zip(runs, curves, starts, ends, strict=True):
@@ -220,15 +237,19 @@ def _assemble(runs: list[np.ndarray], closed: bool, std: float,
         sides.append(Side(
             curve.kind, curve.length(path), curve.radius, lift(curve.polyline(path))))
     turns = [angle_between(curves[k - 1].tangent(start)[1], curves[k].tangent(start)[1])
-             for k, start in enumerate(starts) if corner[k]]
-    corners = [start for k, start in enumerate(starts) if corner[k]]
-    return Outline(lift(np.reshape(corners, (-1, 2))), np.array(turns), tuple(sides), closed)
+             for k, start in enumerate(starts) if corners[k] is not None]
+    found = [corner for corner in corners[:-1] if corner is not None]
+    return Outline(lift(np.reshape(found, (-1, 2))), np.array(turns), tuple(sides), closed)
 
 
-def _meet_at_corner(one: Curve, other: Curve, joint: np.ndarray) -> bool:
-    """Return True if two lines meet, or if there is a corner between a line and an arc."""
-    turn = angle_between(one.tangent(joint)[1], other.tangent(joint)[1])
-    return bool(abs(turn) > CORNER_ANGLE or _turn_of_lines(one, other) > 0.0)
+def _corner_of(one: Curve, other: Curve, joint: np.ndarray) -> np.ndarray | None:
+    """Return the corner (2,) of two sides near their joint (2,); None if there is none."""
+    turn = abs(angle_between(one.tangent(joint)[1], other.tangent(joint)[1]))
+    lines = not np.isnan(_turn_of_lines(one, other))
+    if turn < (LEAST_TURN if lines else CORNER_ANGLE):
+        return None
+    corner = meeting(one, other, joint)
+    return corner if np.linalg.norm(corner - joint) < FARTHEST else None
 
 
 def _between_roundings(run: np.ndarray, at_start: bool, at_end: bool) -> np.ndarray:

@@ -34,6 +34,8 @@ MISFIT = 2.0  # scatter per given position noise; above it, the newer half of th
 BETTER = 0.6  # scatter of the newer half, as a share of that of all cells, below which it is used
 SCATTERED = 0.3  # largest scatter of contacts on a surface, as a share of a cell's length
 MAX_RESIDUAL = 4.0  # standard deviations, largest RMS residual of a valid patch
+# m, assumed indentation of the skin, about that at 5 N: contacts lie on its undeformed surface.
+YIELD = 1e-3
 # Largest curvature of the surface of the finger's centre, as a share of 1 / finger radius; more is
 # an edge or a point.
 SHARP = 0.98
@@ -157,7 +159,8 @@ class LocalQuadric(SurfaceEstimator):
             curvature = curvature / shrink
             covariance = covariance / np.outer(shrink, shrink)**2
             variance = variance / shrink**4
-        known |= {'curvature': curvature, 'covariance': covariance}
+        shift = YIELD * curvature**2
+        known |= {'curvature': curvature, 'covariance': covariance + np.outer(shift, shift)}
         seen = certain_enough(variance, curvature)
         if seen.any():
             return Patch(fit.kind, True, '', self.method, seen=seen, **known)

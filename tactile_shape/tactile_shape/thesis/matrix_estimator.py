@@ -88,7 +88,6 @@ class MatrixEstimator(SurfaceEstimator):
         return Patch(Kind.GENERAL, True, '', self.method, **known)
 
 
-
 def _certainty(fit: MatrixFit, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     Return the covariance of the principal curvatures and which of them are seen.
