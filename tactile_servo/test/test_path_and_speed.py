@@ -45,14 +45,14 @@ def motion_on(edge, load=None, speed=0.2, slope=0.0):
 def top(pressed=1.0, distance=0.0, coming=0.0, **options):
     """Speed that is safe, whatever lies ahead."""
     edge = Edge()
-    stand = SimpleNamespace(ahead=0.0, aside=(distance, 0.0))
+    stand = SimpleNamespace(here=0.0, ahead=0.0, aside=(distance, 0.0))
     motion_on(edge, Load(pressed * FORCE, 0.0254, coming)).along(stand, UNBOUNDED, DT, **options)
     return edge.top
 
 
 @pytest.mark.parametrize('slope', [-0.5, 0.5])
 def test_a_slope_is_followed_as_fast_as_the_pad_can_rise(slope):
-    edge, stand = Edge(), SimpleNamespace(ahead=0.0, aside=(0.0, 0.0))
+    edge, stand = Edge(), SimpleNamespace(here=0.0, ahead=0.0, aside=(0.0, 0.0))
     motion_on(edge, slope=slope).along(stand, UNBOUNDED, DT)
     assert 0.5 * edge.top <= edge_motion.NORMAL
 
@@ -76,12 +76,12 @@ def test_each_trouble_slows_it_down():
     (PathEnd.VIEW, edge_motion.BLIND), (PathEnd.RIDGE, 0.2), (PathEnd.CLOSED, 0.2)])
 def test_speed_at_the_end_of_the_path(end, speed):
     seen = Edge(end)
-    motion_on(seen).along(SimpleNamespace(ahead=0.0, aside=(0.0, 0.0)), UNBOUNDED, DT)
+    motion_on(seen).along(SimpleNamespace(here=0.0, ahead=0.0, aside=(0.0, 0.0)), UNBOUNDED, DT)
     assert seen.end_speed == speed
 
 
 def test_the_pad_speeds_up_by_its_acceleration_and_keeps_the_limit():
-    edge, stand = Edge(), SimpleNamespace(ahead=0.0, aside=(0.0, 0.0))
+    edge, stand = Edge(), SimpleNamespace(here=0.0, ahead=0.0, aside=(0.0, 0.0))
     motion = motion_on(edge)
     motion.along(stand, UNBOUNDED, DT)
     assert edge.acceleration == edge_motion.AGILE * EdgeFollowingConfig().speed.acceleration
@@ -102,7 +102,8 @@ def test_the_pad_speeds_up_by_its_acceleration_and_keeps_the_limit():
 def test_the_pad_comes_to_the_path_and_does_not_overshoot():
     motion, x, places = motion_on(Edge(limit=0.05)), 0.4 * SCALE.grain, []
     for _ in range(800):
-        velocity = motion.along(SimpleNamespace(ahead=0.0, aside=(-x, 0.0)), UNBOUNDED, DT)
+        place = SimpleNamespace(here=0.0, ahead=0.0, aside=(-x, 0.0))
+        velocity = motion.along(place, UNBOUNDED, DT)
         x += velocity[0] * DT
         places.append(x)
     assert abs(places[-1]) < 1e-7 and min(places) > -1e-4

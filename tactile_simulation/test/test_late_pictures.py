@@ -1,4 +1,4 @@
-"""The thesis' servo on pictures that come late: bounded gains, bounded force, honest ends."""
+"""Servos on late images and slow robots: bounded gains, bounded force, honest ends."""
 
 from dataclasses import replace
 
@@ -11,9 +11,9 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.moments import Moments
 from tactile_servo.config import HoldConfig, MAX_STAMP_AGE, ServoConfig
+from tactile_servo.control import stability
 from tactile_servo.control.stability import gain_limit
 from tactile_servo.law import Observation
-from tactile_servo.laws import resolved_rate
 from tactile_servo.laws.resolved_rate import ResolvedRate, ResolvedRateConfig
 from tactile_servo.motion.motion import COMMITTED
 from tactile_servo.reasons import ReasonCode
@@ -113,13 +113,26 @@ def test_pictures_that_are_too_late_are_refused():
 
 
 def test_a_loop_that_swings_ends_in_a_refusal(monkeypatch):
-    monkeypatch.setattr(resolved_rate, 'LIMIT_SHARE', 10.0)
+    monkeypatch.setattr(stability, 'LIMIT_SHARE', 10.0)
     # It grows from little: the pad rests as it begins.
     loop, _ = simulated(latency=0.08, goal=replace(GOAL, length=0.15))
     assert not loop.servo.success
     assert loop.servo.reason.code == ReasonCode.OVERFORCE
     assert 'beyond 1.5 times the 5 N asked for' in loop.servo.reason.text
     assert loop.log[-1].force == 0.0  # lifted off
+
+
+@pytest.mark.parametrize('rate, dead_time', [(50.0, 2.5e-3), (80.0, 2.5e-3), (500.0, 0.04)])
+def test_a_robot_that_is_late_does_not_make_it_swing(rate, dead_time, monkeypatch):
+    """With the full lateral gain the errors were .75, .066 and 2.3 mm RMS."""
+    monkeypatch.setattr(closed_loop, 'ROBOT_STEP', 1.0 / rate)
+    scene = load_scene('straight')
+    loop = Simulation(replace(scene, plant=replace(scene.plant, dead_time=dead_time)))
+    goal = EdgeGoal(0.1, 5.0)
+    loop.run(goal, 20.0)
+    summary = loop.summary(goal)
+    assert summary['ok'], summary['reason']
+    assert summary['lateral_rms'] < 0.06e-3
 
 
 def test_a_light_touch_stays_light():

@@ -3,6 +3,13 @@
 import math
 
 AGE_SHARE = 0.1  # weight of the newest image's age in the running mean
+LIMIT_SHARE = 0.4  # largest gain, as a share of the stability limit
+DEAD_TIME, LAG = 2.5e-3, 10e-3  # s, of the robot that the stability limit assumes
+
+
+def stable_gain(delay: float, lag: float = 0.0) -> float:
+    """Return the largest gain of a loop with a margin of stability [1/s], see `gain_limit`."""
+    return LIMIT_SHARE * gain_limit(delay, lag)
 
 
 def gain_limit(delay: float, lag: float) -> float:

@@ -12,11 +12,12 @@ from tactile_servo.control.force_controller import (
     touch_speed,
 )
 from tactile_servo.control.scaling import caution, clipped
+from tactile_servo.control.stability import DEAD_TIME, LAG, stable_gain
 from tactile_servo.edge_map.edge_map import PathPosition
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.laws.edge_config import EdgeFollowingConfig
 from tactile_servo.laws.edge_sight import EdgeSight, Load
-from tactile_servo.motion.motion import Motion
+from tactile_servo.motion.motion import COMMITTED, Motion
 from tactile_servo.types import EdgeGoal
 
 # Speeds [m/s]
@@ -30,6 +31,9 @@ CORNER_SETTLE = 3e-4  # m before and after a sharp corner that are passed at its
 # Grains
 LOOK_AHEAD = 0.2  # length along the path over which its direction is measured
 ON_PATH, ASTRAY = 0.1, 0.6  # distance from the path: full speed up to it, standstill from it on
+# Time over which the delay from command to motion is averaged [s], and mean speed at which the
+# measured delay counts as much as the assumed one [m/s]
+AVERAGED, SLOW = 0.3, 1e-3
 # Force
 SHORTEST = 0.5  # least edge length that carries the force, as a share of the pad's half size
 COMING_SHARE = 0.35  # share of the coming edge's length for which the pad unloads in advance
@@ -64,6 +68,7 @@ class EdgeMotion:
         self.config, self.goal, self.sight = config, goal, sight
         self._force = ForceController(config.force.gain, INTEGRAL, press=NORMAL, lift=NORMAL)
         self._attitude = AttitudeController(TURN_GAIN, TURN_RATE)
+        self._behind = self._mean_speed = 0.0  # way behind the command [m] and speed [m/s]
         self.reset()
 
     def retune(self, config: EdgeFollowingConfig) -> None:
@@ -104,10 +109,19 @@ class EdgeMotion:
         self.speed = speed = min(top, self.speed + AGILE * most * dt)
         ux, uy = edge.way(place.ahead, place.ahead + LOOK_AHEAD * scale.grain + speed * dt)
         # Return to the path slowly enough to stop there.
-        back = min(self.config.path.lateral_gain * distance, math.sqrt(most * distance),
+        gain = min(self.config.path.lateral_gain, stable_gain(self._measure_delay(place, dt)))
+        back = min(gain * distance, math.sqrt(most * distance),
                    RETURN_SPEED) / max(distance, 1e-9)
         x, y = place.aside
         return self._change(speed * ux + back * x, speed * uy + back * y, most * dt)
+
+    def _measure_delay(self, place: PathPosition, dt: float) -> float:
+        """Average in this cycle; return how long the pad takes to where it was commanded [s]."""
+        share = dt / AVERAGED
+        self._behind += share * (place.ahead - place.here - self._behind)
+        self._mean_speed += share * (self.speed - self._mean_speed)
+        assumed = SLOW * (COMMITTED + DEAD_TIME + LAG)
+        return max((self._behind + assumed) / (self._mean_speed + SLOW), COMMITTED)
 
     def _change(self, x: float, y: float, most: float) -> tuple[float, float]:
         """Change the velocity towards x, y by at most `most` [m/s], and return it."""

@@ -15,7 +15,7 @@ from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.press_test import PRESSED
 from tactile_servo.control.progress import LapGuard
 from tactile_servo.control.scaling import clipped, ramp, slewed
-from tactile_servo.control.stability import AGE_SHARE, gain_limit
+from tactile_servo.control.stability import AGE_SHARE, DEAD_TIME, LAG, stable_gain
 from tactile_servo.law import (
     Assessment,
     done,
@@ -32,10 +32,6 @@ from tactile_servo.motion.motion import COMMITTED, Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
-# Largest gain, as a share of the stability limit for the measured age of the images; every T_seg
-# is at least the inverse of this gain.
-LIMIT_SHARE = 0.4
-DEAD_TIME, LAG = 2.5e-3, 10e-3  # s, of the robot that the stability limit assumes
 # Largest speeds: across the edge and along the normal [m/s], about the normal and about x [rad/s]
 ACROSS, PRESS, TURN, TILT = 0.1, 0.02, 2.0, 0.3
 TILT_TIME = 0.2  # T_seg of the rotation about x [s]; long, as the moment along the edge is noisy
@@ -171,7 +167,7 @@ class ResolvedRate:
         self._age += AGE_SHARE * (min(age, MAX_STAMP_AGE) - self._age)
         # Add the committed time and half a control period, in which the velocity changes.
         delay = self._age + COMMITTED + 0.5 / self.servo.rate + DEAD_TIME
-        self.shortest = 1.0 / (LIMIT_SHARE * gain_limit(delay, LAG))
+        self.shortest = 1.0 / stable_gain(delay, LAG)
         self._looked = arrival
         if not self._begun:
             return
