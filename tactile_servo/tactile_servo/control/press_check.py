@@ -1,12 +1,14 @@
 """Check that the forces from images agree with the depth to which the pad was pressed."""
 
 from collections import deque
+import math
 
 import numpy as np
 
 # Largest allowed unfelt force: a share of the wanted force, and a constant part [N]
 UNFELT_SHARE, UNFELT = 0.3, 1.5
 DOUBTED = 0.5  # share of the largest allowed unfelt force above which no goal succeeds
+IMAGES = 5  # number of images whose median is used
 # Allowed growth of the depth per distance along the edge [m/m], for an error of the normal
 SLOPE_ERROR = 0.002
 
@@ -27,8 +29,8 @@ class PressCheck:
 
     The object is rigid, so the indentation must change by the motion along the normal. If images
     show a smaller change, the sensor has lost gain, or the object gives way. The differences are
-    summed (CUSUM), in any fixed frame: `unexplained` [m]. The median of three images is used, so
-    that a single wrong image has no effect.
+    summed (CUSUM), in any fixed frame: `unexplained` [m]. The median of the last sums is used, so
+    that one or two images with a wrong indentation or stamp have no effect.
     """
 
     def __init__(self) -> None:
@@ -36,10 +38,9 @@ class PressCheck:
 
     def forget(self) -> None:
         """Start again with the next image, because the object may be deeper from here on."""
-        self.unexplained, self._seen = 0.0, False
-        self._place = self._normal = np.zeros(3)
-        self._indentation = 0.0
-        self._last: deque[tuple[np.ndarray, np.ndarray, float]] = deque(maxlen=3)
+        self.unexplained, self._least, self._met = 0.0, math.inf, False
+        self._last: tuple[np.ndarray, np.ndarray, float] | None = None
+        self._sums: deque[float] = deque([0.0], maxlen=IMAGES)
 
     def see(self, place: np.ndarray, normal: np.ndarray, indentation: float,
             met: bool = True) -> None:
@@ -49,16 +50,16 @@ class PressCheck:
         The unit normal (3,) points in the direction of pressing. The sum begins when the force
         was `met` once, because a lightly pressed skin is softer.
         """
-        self._last.append((place, normal, indentation))
-        if len(self._last) < 3:
-            return
-        place, normal, _ = self._last[1]
-        indentation = sorted(depth for _, _, depth in self._last)[1]
-        if self._seen:
-            way = place - self._place
-            deeper = 0.5 * float((normal + self._normal) @ way) - (indentation - self._indentation)
+        if self._last is not None:
+            last_place, last_normal, last_indentation = self._last
+            way = place - last_place
+            deeper = 0.5 * float((normal + last_normal) @ way) - (indentation - last_indentation)
             # With an error of the normal, the depth seems to grow along the edge.
-            deeper -= SLOPE_ERROR * float(np.linalg.norm(way))
-            self.unexplained = max(self.unexplained + deeper, 0.0)
-        self._seen = self._seen or met
-        self._place, self._normal, self._indentation = place, normal, indentation
+            self._sums.append(
+                self._sums[-1] + deeper - SLOPE_ERROR * float(np.linalg.norm(way)))
+        self._last = place, normal, indentation
+        if len(self._sums) == IMAGES:
+            hidden = sorted(self._sums)[IMAGES // 2]
+            self._least = min(self._least, hidden) if self._met else hidden
+            self._met = self._met or met
+            self.unexplained = hidden - self._least
