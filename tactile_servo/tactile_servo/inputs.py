@@ -16,7 +16,7 @@ from tactile_servo.motion.joint_history import JointHistory
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.sensor_watch import SensorWatch
+from tactile_servo.sensor_watch import SensorWatch, SURE
 from tactile_servo.types import IMPOSSIBLE
 from tactile_servo.wrist import Wrist
 
@@ -60,6 +60,7 @@ class Inputs:
         self._tared = True
         self.unbelieved = ''  # why the newest joint state was rejected
         self._felt = self._summed = 0.0  # force by the newest contact, and by the image [N]
+        self._noise = 0.0  # standard deviation of the force by an image [N]
         self._image_arrival, self._image_fresh = -math.inf, False  # of the newest image [s]
 
     def see_joints(self, positions: np.ndarray, stamp_ns: int, arrival: float) -> None:
@@ -93,12 +94,14 @@ class Inputs:
             if array is not known and not _alike(array, known):
                 self.refuse(Reason(ReasonCode.BAD_IMAGE, f'{_size_of(array)}, but the sensor has '
                                    f'{_size_of(known)}'))
-        pressure = 0.0
+        pressure = noise = 0.0
         for layer in image.layers if image.tared else ():
             if layer.component == 'zz' and layer.unit == 'Pa':
                 stress = np.asarray(layer.stress, np.float64)
                 pressure += float(stress[np.abs(stress) < IMPOSSIBLE].sum())
-        self._image_arrival, self._summed = arrival, pressure * array.pitch_x * array.pitch_y
+                noise = float(layer.noise_std) * math.sqrt(stress.size)
+        area = array.pitch_x * array.pitch_y
+        self._image_arrival, self._summed, self._noise = arrival, pressure * area, noise * area
 
     def refuse(self, reason: Reason) -> None:
         """Store the reason of a refusal and raise InputRefused."""
@@ -109,6 +112,10 @@ class Inputs:
     def load(self) -> float:
         """Force on the pad [N]: the larger of the contact's force and the sum over the image."""
         return max(self._felt, self._summed)
+
+    def touches(self, force: float, most: float) -> bool:
+        """Return whether the load is at least a force [N] and no noise, or at least `most` [N]."""
+        return self.load >= min(max(force, SURE * self._noise), most)
 
     @property
     def largest_load(self) -> float:

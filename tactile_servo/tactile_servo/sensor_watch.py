@@ -13,6 +13,8 @@ LEAST_LIVELY = 0.25  # least share of lively tactels, of all: with fewer, noise 
 TOGETHER = 0.1  # share of lively tactels, at least two, that must be silent to be reported
 CHANCE = 1e-9  # probability that so many are silent by chance
 INTERVAL_WEIGHT = 0.2  # weight of the newest interval in its running mean
+SURE = 4.0  # standard deviations above which a force is no noise
+MEDIAN_NOISE = 1.25  # standard deviation of a median, relative to that of a mean
 PULLED = 0.25  # largest pull at the whole pad that an image may show, as a share of the force
 SAME = 0.01  # m of travel within which even an image without noise must change under load
 
@@ -54,7 +56,9 @@ class SensorWatch:
         self._below, ordered = 0.0, np.sort(stress[inside])
         if layer.unit == 'Pa' and image.tared and ordered.size:
             half = ordered.size // 2  # np.median takes five times as long
-            self._below = -0.5 * pad * float(ordered[half] + ordered[~half])
+            pull = -0.5 * pad * float(ordered[half] + ordered[~half])
+            noise = SURE * MEDIAN_NOISE * pad * float(layer.noise_std) / math.sqrt(stress.size)
+            self._below = pull - min(0.5 * pull, noise)
 
     def _count_intervals(self, changed: np.ndarray, inside: np.ndarray, loaded: bool) -> None:
         """

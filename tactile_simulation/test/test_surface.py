@@ -60,6 +60,30 @@ def line(speed=0.05, force=5.0, length=0.03, heading=(0.3, 1.0, 0.0)):
     return SurfaceGoal(speed, force, direction=heading, length=length)
 
 
+
+@pytest.mark.parametrize('count, pitch', [(5, 5e-3), (7, 4e-3)])
+@pytest.mark.parametrize('shape', [PLANE, SPHERE], ids=['plane', 'sphere'])
+def test_a_coarse_array_with_a_tactel_in_the_middle_follows(shape, count, pitch):
+    """Its centroid hardly moves with a contact in the middle: the place was 3 to 10 times off."""
+    scene = scene_of(shape)
+    scene = replace(scene, sensor=replace(
+        scene.sensor, rows=count, columns=count, pitch_x=pitch, pitch_y=pitch))
+    _, summary = follow(scene, line())
+    assert summary['ok'], summary['reason']
+    assert summary['surface_max'] < 0.5e-3 and summary['force_max'] < 6.0
+
+
+@pytest.mark.parametrize('seed', range(2))
+def test_noise_of_a_large_pad_is_no_touch(seed):
+    """64 tactels of 4 mm: noise of 2 kPa is .26 N in all, half of the force of a touch."""
+    scene = scene_of(PLANE, start=SurfaceStart(height=4e-3))
+    scene = replace(scene, sensor=replace(
+        scene.sensor, rows=8, columns=8, pitch_x=4e-3, pitch_y=4e-3, noise_std=2000.0))
+    _, summary = follow(scene, line(), seed=seed)
+    assert summary['ok'], summary['reason']
+    assert summary['force_max'] < 6.0
+
+
 @pytest.mark.parametrize('name', OBJECTS)
 def test_distances_are_distances(name):
     # |gradient| is 1 and the nearest point is as far away as the distance says.

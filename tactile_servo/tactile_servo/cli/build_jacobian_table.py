@@ -77,7 +77,7 @@ def make(options: argparse.Namespace) -> JacobianTable:
         skin = _settings(SkinConfig, options)
         model = FiniteElementDome(dome, array, operator_for(dome, skin, array))
     contacts = grid(half_x, half_y, options.across, options.forces)
-    return build_table(ModelFeatures(model, array, kind), kind, contacts, Increments(),
+    return build_table(ModelFeatures(model, array, kind), kind, contacts, Increments.of(array),
                        0.5 * (half_x + half_y))
 
 

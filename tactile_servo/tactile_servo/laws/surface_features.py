@@ -70,7 +70,7 @@ class ContactSense:
         self.centred = model(centre)
         half = 0.5 * (self.array.half_width_x + self.array.half_width_y)
         self._inverse = least_squares(
-            loading_cases(model, centre, Increments(stiffness=self.stiffness)),
+            loading_cases(model, centre, Increments.of(self.array, self.stiffness)),
             scale_for(self._kind, self.force, half, self.stiffness)).inverse
 
     def contact_of(self, features: np.ndarray) -> PadContact:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_sensing.types.array import TactelArray
 from tactile_servo.tactile_jacobian.features import FeatureKind
 
 Features = Callable[..., np.ndarray]  # contact (3,), shear (2,) -> features (3,)
@@ -14,10 +15,17 @@ Features = Callable[..., np.ndarray]  # contact (3,), shear (2,) -> features (3,
 class Increments:
     """Increments of Table 6.1, and the friction during small sliding motions."""
 
-    place: float = 1.0e-3  # by which the contact is moved either way [m]
+    # By which the contact is moved either way [m]; at least a pitch, because over less the
+    # centroid of a coarse array moves in steps.
+    place: float = 1.0e-3
     force: float = 0.25  # share by which the force is changed either way
     friction: float = 0.0  # coefficient of Coulomb friction against the sliding
     stiffness: float = 1.5e4  # K_z of (6.7): of skin, finger and robot along the normal [N/m]
+
+    @classmethod
+    def of(cls, array: TactelArray, stiffness: float = stiffness) -> 'Increments':
+        """Return the increments for an array and a stiffness K_z [N/m]."""
+        return cls(max(cls.place, array.pitch_x, array.pitch_y), stiffness=stiffness)
 
 
 class Cases(NamedTuple):
