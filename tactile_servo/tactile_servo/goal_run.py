@@ -161,7 +161,7 @@ class GoalRun:
 
     @property
     def _in_contact(self) -> bool:
-        return self._inputs.load >= self._config.approach.contact_force
+        return self._inputs.touches(self._config.approach.contact_force, self.goal.force)
 
     def _off(self) -> float:
         """Return the robot's distance from the end of its last window, as in `apart` [m]."""
@@ -275,9 +275,10 @@ class GoalRun:
 
     def _too_deep(self) -> Reason | None:
         unfelt = self._law.unfelt
-        return Reason(
-            ReasonCode.TOO_DEEP, f'by {unfelt:.1f} N; the object gives way, or the sensor '
-            'measures too little') if unfelt > most_unfelt(self.goal.force) else None
+        if not unfelt > most_unfelt(self.goal.force):
+            return None
+        return Reason(ReasonCode.TOO_DEEP, f'by {unfelt:.1f} N; the object gives way, the sensor '
+                      'measures too little, or the stiffness is too high')
 
     def _presses_too_deep(self) -> Reason | None:
         return Reason(ReasonCode.TOO_DEEP, f'{1e3 * PRESS_DEPTH:g} mm, without the force') if (

@@ -87,9 +87,10 @@ class NormalWay:
         saturated = self._inputs.saturated
         deepest = self._test.deepest(saturated) + self._unseen_way()
         if not self._test.pressed and self.advance > deepest:
-            return (f'{1e3 * self.advance:.1f} mm deeper, {self._inputs.load:.1f} N are felt'
-                    + ', with saturated tactels' * saturated)
-        return self._test.problem() if self._test.over else ''
+            problem = f'{1e3 * self.advance:.1f} mm deeper, {self._inputs.load:.1f} N are felt'
+        else:
+            problem = self._test.problem() if self._test.over else ''
+        return problem + ', with saturated tactels' * (saturated and problem != '')
 
     @property
     def tested(self) -> bool:

@@ -1,6 +1,7 @@
 """The map of an edge from pictures made of line loads: refusals, path, slip, frames, scale."""
 
 from dataclasses import replace
+import re
 
 import numpy as np
 import pytest
@@ -132,6 +133,16 @@ def test_the_end_of_a_ridge_is_told_from_the_end_of_the_view():
     edge_map, _ = walk(np.array([(0.0, -0.1), (0.0, 0.02)]), straight(16))
     assert edge_map.path.end is PathEnd.RIDGE
     assert place_at(edge_map.path.nodes, edge_map.path.tip)[1] == pytest.approx(0.02, abs=0.6e-3)
+
+
+@pytest.mark.parametrize('angle', [65.0, 90.0, -75.0])
+def test_the_angle_of_an_edge_across_the_pad_is_named(angle):
+    turn = np.radians(angle)
+    across = LINE @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    edge_map, ((problem, begun),) = walk(across, [(0.0, 0.0)])
+    assert not begun and edge_map.path is None
+    angles = re.match(r"it is (\d+) degrees off .* \(at the start the pad's y\)", problem.detail)
+    assert float(angles[1]) == pytest.approx(abs(angle), abs=3.0)
 
 
 def test_no_ridge_and_an_edge_elsewhere_are_told_and_a_slip_begins_a_path():

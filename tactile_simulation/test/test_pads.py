@@ -1,5 +1,7 @@
 """Pads of any size, pitch and depth track the same: the lengths are those of the pad itself."""
 
+from dataclasses import replace
+
 import numpy as np
 from puma_loop import ROOT
 import pytest
@@ -40,3 +42,44 @@ sensor: {{rows: {rows}, columns: {columns}, pitch_x: {pitch_x}e-3, pitch_y: {pit
     assert summary['lateral_max'] < 0.15 * depth
     assert summary['force_max'] < 8.0
     assert np.isfinite(summary['contour_max_error'])
+
+
+@pytest.mark.parametrize('pad, skin, sensor, start', [
+    ((8, 8, 2.0, 2.0), '{depth: 0.003, stiffness: 300000.0, thickness: 0.004, poisson: 0.49}',
+     'creep: 0.08, noise_std: 2000.0', 'yaw: 173'),
+    ((16, 16, 1.6, 1.6), '{depth: 0.001, stiffness: 200000.0, thickness: 0.002, poisson: 0.49}',
+     'hysteresis: 0.1, noise_std: 600.0', 'yaw: 132, offset: -0.002')],
+    ids=['creep', 'hysteresis, on a bone'])
+def test_a_skin_with_a_memory_ends_where_the_edge_ends(tmp_path, pad, skin, sensor, start):
+    """What it keeps of the edge beyond the end is no edge; a bone under it is no fault."""
+    rows, columns, pitch_x, pitch_y = pad
+    path = tmp_path / 'scene.yaml'
+    path.write_text(f"""
+name: memory
+description: A straight edge, towards its near end.
+edge: {{start: [0.36, -0.08, 0.15], heading: 90, path: [{{straight: 0.2}}]}}
+skin: {skin}
+sensor: {{rows: {rows}, columns: {columns}, pitch_x: {pitch_x}e-3, pitch_y: {pitch_y}e-3,
+  {sensor}}}
+start: {{s: 0.06, height: 0.004, {start}}}
+""")
+    simulation = Simulation(load_scene(path), 'trace', seed=30)
+    goal = EdgeGoal(0.03, 5.0, direction=-1)
+    simulation.run(goal, 40.0)
+    summary = simulation.summary(goal)
+    assert summary['ok'] and summary['reason'] == 'the edge ended', summary['reason']
+    assert summary['force_max'] < 7.0
+
+
+@pytest.mark.parametrize('stiffness', [5e4, 6e5])
+def test_the_unfelt_force_is_that_of_the_skin(stiffness):
+    """What a pad that is .1 mm deeper than the images show presses in addition."""
+    scene = load_scene('straight')
+    scene = replace(scene, skin=replace(scene.skin, stiffness=stiffness))
+    simulation = Simulation(scene, 'trace', seed=1)
+    simulation.run(EdgeGoal(0.03, 5.0), 10.0, lambda status: status.progress > 0.02)
+    pose, law, world = simulation.log[-1].pose, simulation.servo.law, scene.world()
+    deeper = pose.copy()
+    deeper[:3, 3] += 1e-4 * pose[:3, 2]
+    law.sight.press.unexplained = 1e-4
+    assert law.unfelt == pytest.approx(world.force(deeper) - world.force(pose), rel=0.1)

@@ -114,9 +114,12 @@ class EdgeMap:
         picture, cloud = self.picture, self._cloud
         may_close = may_close and (self.path is None or self.path.may_close)
         self._off_path, self.followed = 0, False
-        along = np.abs(cloud['way'] @ heading) > ROUGHLY_ALONG
+        cosines = np.abs(cloud['way'] @ heading)
+        along = cosines > ROUGHLY_ALONG
         if not along.any():
-            return ELSEWHERE, False
+            return Reason(ReasonCode.EDGE_LOST, (
+                f'it is {np.degrees(np.arccos(cosines.max())):.0f} degrees off the direction of '
+                "travel (at the start the pad's y), must be within 60")), False
         place = cloud['place'][along]
         nearest = place[np.linalg.norm(place - picture.place, axis=1).argmin()]
         line = local_line(cloud, *nearest, *heading, self.scale.grain)

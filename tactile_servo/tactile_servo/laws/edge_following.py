@@ -59,7 +59,7 @@ class EdgeFollowing:
 
     def _forget(self, goal: EdgeGoal, skin_stiffness: float) -> None:
         self.goal = goal
-        self.sight = EdgeSight(goal, skin_stiffness)
+        self.sight = EdgeSight(goal, skin_stiffness, self.servo.approach.contact_force)
         self._motion = EdgeMotion(self.config, goal, self.sight)
         self._laps, self._stall = LapGuard(), Stall()
         self._here = self._ahead = 0.0  # stations of the measured and the commanded pose [m]
@@ -92,7 +92,7 @@ class EdgeFollowing:
 
     @property
     def unfelt(self) -> float:
-        return self.stiffness * self.sight.press.unexplained
+        return self.sight.press.unexplained / self.depth(1.0)
 
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         if goal.closed and goal.length > 0.0:

@@ -8,7 +8,7 @@ import numpy as np
 from tactile_sensing.types.contact import Contact, ContactType
 from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.stability import AGE_SHARE
-from tactile_servo.edge_map.edge_map import EdgeMap
+from tactile_servo.edge_map.edge_map import EdgeMap, NO_RIDGE
 from tactile_servo.edge_map.picture import indentation_of
 from tactile_servo.law import Observation
 from tactile_servo.reasons import Reason, ReasonCode
@@ -27,10 +27,16 @@ class Load(NamedTuple):
 
 
 class EdgeSight:
-    """Edge as seen in the images since the start of a goal."""
+    """
+    Edge as seen in the images since the start of a goal.
 
-    def __init__(self, goal: EdgeGoal, skin_stiffness: float):
+    Once the pad moves, an image with less than `contact_force` [N] shows no edge, only what a
+    skin that creeps keeps of the last one.
+    """
+
+    def __init__(self, goal: EdgeGoal, skin_stiffness: float, contact_force: float):
         self._goal, self.edge = goal, EdgeMap(skin_stiffness)
+        self._contact_force = contact_force
         # Steady times of the last usable image, and of the last one that shows the edge [s].
         self.looked = self.shown = -math.inf
         self.age = 0.0  # running mean of the images' age [s]
@@ -66,7 +72,9 @@ class EdgeSight:
         picture = edge.picture
         self.looked, self.height = observation.arrival, picture.height
         self.age += AGE_SHARE * (observation.age - self.age)
-        self.problem, begun = edge.follow(direction, anew=anew)
+        self.problem, begun = (edge.follow(direction, anew=anew)
+                               if anew or picture.force >= self._contact_force
+                               else (NO_RIDGE, False))
         length = self.load.length
         if edge.followed:
             lateral, angle, length, slope = edge.at_picture(
