@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
-from tactile_tests.graph import bench, ROBOT, stamp_of
+from tactile_tests.graph import bench, half_rates, ROBOT, stamp_of
 
 from tactile_msgs.msg import Contact, ServoReason, ServoStatus
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
@@ -79,8 +79,8 @@ def test_pause_holds_and_resumes(running):
     assert client.success, client.reason
 
 
-def test_silent_robot_means_hold_and_in_the_end_an_abort():
-    with bench() as it:
+def test_silent_robot_means_hold_and_in_the_end_an_abort(tmp_path):
+    with bench(parameters=half_rates(tmp_path)) as it:
         graph, listener = it.graph, it.listener
         graph.add(MockSensorNode, port=str(it.port), scene=str(it.scene_path))
         graph.add(MockRobotNode, namespace='', scene=str(it.scene_path),

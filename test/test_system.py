@@ -143,7 +143,8 @@ def edge_seen_from(pose, scene):
 def test_two_sensors_side_by_side(tmp_path):
     """Two sensors, drivers and estimators in their namespaces, each on a scene of its own."""
     wanted = {'left': (0.003, 10), 'right': (-0.004, -15)}
-    with private_port() as port, bench(namespace='left') as left:
+    with private_port() as port, bench(
+            namespace='left', parameters=half_rates(tmp_path)) as left:
         listeners = {'left': left.listener,
                      'right': left.graph.add(type(left.listener), namespace='right')}
         poses, scenes, publishers = {}, {}, {}
