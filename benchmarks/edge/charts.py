@@ -62,13 +62,13 @@ def _stability(result):
         rows = [row for row in result['stability'] if row['tracker'] == tracker]
         limit = sorted({(row['latency'], row['limit']) for row in rows})
         axis.plot([1e3 * latency for latency, _ in limit], [gain for _, gain in limit], 'k--',
-                  label='limit of a loop through the picture')
+                  label='limit of a loop through the image')
         for stable, colour, label in ((True, VERDICTS['held'], 'stable'),
                                       (False, VERDICTS['lost'], 'unstable')):
             own = [row for row in rows if row['stable'] == stable]
             axis.plot([1e3 * row['latency'] for row in own], [row['gain'] for row in own],
                       'o' if stable else 'x', color=colour, label=label)
-        axis.set(title=tracker, xlabel='picture latency [ms]')
+        axis.set(title=tracker, xlabel='image latency [ms]')
         axis.grid(alpha=0.3)
     axes[0].set_ylabel('lateral gain [1/s]')
     axes[0].legend(fontsize=8)

@@ -10,8 +10,8 @@ from unittest.mock import patch
 import numpy as np
 import yaml
 
+from tactile_servo.control import stability
 from tactile_servo.control.stability import gain_limit
-from tactile_servo.laws import resolved_rate
 from tactile_servo.laws.edge_config import EdgeFollowingConfig, PathConfig
 from tactile_servo.laws.resolved_rate import PositionConfig, ResolvedRateConfig
 from tactile_servo.motion.motion import COMMITTED
@@ -100,7 +100,7 @@ def is_stable(tracker, gain, latency):
     scene = replace(scene, start=replace(scene.start, offset=OFFSET))
     settings = (EdgeFollowingConfig(path=PathConfig(lateral_gain=gain)) if tracker == 'trace' else
                 ResolvedRateConfig(position=PositionConfig(1.0 / gain)))
-    with patch.object(resolved_rate, 'LIMIT_SHARE', 10.0):  # do not limit the gain
+    with patch.object(stability, 'LIMIT_SHARE', 10.0):  # do not limit the gain
         simulation, _ = follow(scene, tracker, 0.03, 0, latency=latency, settings=settings,
                                seconds=3.5)
     late = [cycle for cycle in simulation.log if cycle.status.state == State.TRACK][-200:]

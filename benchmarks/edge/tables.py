@@ -22,7 +22,7 @@ def speed(result):
         ('edge', 'law', 'speed [mm/s]', 'mean speed', 'RMS [mm]', 'largest [mm]',
          'force error RMS [N]', 'largest force [N]', 'acceleration, largest [1/s²]', 'RMS [1/s²]',
          'scatter of speed [mm/s]', 'tracked', 'CPU per cycle [µs]',
-         'per picture [µs]'),
+         'per image [µs]'),
         [(row['course'], row['tracker'], _mm(row['speed'], 0), _mm(row['mean_speed'], 0),
           _mm(row['lateral_rms']), _mm(row['lateral_max']), f'{row["force_rms_error"]:.2f}',
           f'{row["force_max"]:.1f}', f'{row["joint_acceleration_max"]:.1f}',
@@ -46,7 +46,7 @@ def stability(result):
                      if stable and (not unstable or gain < unstable[0])]
             cells.append(f'{max(below):.0f}' if below else 'none')
         rows.append(cells)
-    return _table(('picture latency [ms]', 'limit in theory [1/s]',
+    return _table(('image latency [ms]', 'limit in theory [1/s]',
                    'resolved_rate, stable up to', 'trace, stable up to'), rows)
 
 
