@@ -38,9 +38,11 @@ def test_a_change_of_one_constant_of_the_servo_is_found(monkeypatch):
 
 
 def test_the_script_makes_them_again(tmp_path):
+    """On other processors a closed loop returns to its commands what they differ by."""
     make('saturation', tmp_path / 'bag')
-    result = replay_one(
-        tmp_path / 'bag', Options(compare=str(FOLDER / 'saturation')), quiet=True)
+    result = replay_one(tmp_path / 'bag', Options(
+        compare=str(FOLDER / 'saturation'), tolerances={'joint_trajectory.points': 1e-6}),
+        quiet=True)
     assert result.status == 0, describe(result)
 
 

@@ -11,6 +11,7 @@ import sys
 import time
 from types import SimpleNamespace
 
+from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped as Pose
 import numpy as np
 import pytest
@@ -18,13 +19,20 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import StoragePlugin, Writer
 from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from edge_tracking.recording.writer import BagWriter
 from edge_tracking.replay.command import bags_in, main, mapped, result_name
-from edge_tracking.replay.comparison import Comparison, distance, Replayed
+from edge_tracking.replay.comparison import (
+    Comparison,
+    distance,
+    Replayed,
+    TOLERANCES,
+    unequal,
+)
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag
-from tactile_common.ros.cdr import packed
+from tactile_common.ros.cdr import packed, unpacked
 from tactile_common.ros.message_definitions import definition
 from tactile_msgs.msg import ServoCalls
 from tactile_servo.journal import Call
@@ -83,7 +91,7 @@ def test_tolerances_are_by_field(capsys):
     own = Comparison({'contact.x': 0.1, 'covariance': 0.2})
     assert [own._tolerance('contact', name) for name in ('x', 'covariance[3]', 'y')] == [
         0.1, 0.2, 1e-7]
-    assert own._tolerance('joint_trajectory', 'points') == 1e-9
+    assert own._tolerance('joint_trajectory', 'points') == 2e-9
     assert Comparison({'': 1.0})._tolerance('contact', 'covariance[0]') == 1.0
 
 
@@ -289,6 +297,17 @@ def test_distances_of_values():
     assert distance(math.inf, math.inf) == 0.0 and distance('a', 'b') == math.inf
     assert distance(np.array([1.0, math.nan]), np.array([1.5, math.nan])) == 0.5
     assert distance(np.zeros(2), np.zeros(3)) == math.inf
+
+
+def test_durations_are_compared_in_seconds():
+    def window(nanoseconds):
+        point = JointTrajectoryPoint(time_from_start=Duration(
+            sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9))
+        return unpacked(packed(JointTrajectory(points=[point])), JointTrajectory)
+    for off, differs in (1, False), (3, True):
+        (name, *values), = unequal(window(10**9 - 1), window(10**9 - 1 + off))
+        assert name == 'points[0].time_from_start'
+        assert (distance(*values) > TOLERANCES['joint_trajectory.points']) == differs
 
 
 def test_a_message_of_one_side_alone_differs_between_others():

@@ -15,8 +15,8 @@ from tactile_common.ros.cdr import stamp_of, unpacked
 from tactile_common.ros.conversions import NS
 
 # Of all values, and of some. Other processors and numbers of BLAS threads round the fits of
-# contacts and shapes differently: seen are 1e-6 of a variance.
-TOLERANCES = {'': 1e-7, 'covariance': 1e-5, 'joint_trajectory.points': 1e-9}
+# contacts and shapes differently: seen are 1e-6 of a variance. Times are whole nanoseconds.
+TOLERANCES = {'': 1e-7, 'covariance': 1e-5, 'joint_trajectory.points': 2e-9}
 # Compared topics, with their fields that depend on the machine; these are not compared.
 COMPARED: dict[str, tuple[str, ...]] = {
     'contact': ('latency',), 'wrench': (), 'surface_patch': (), 'contour': (),
@@ -26,6 +26,7 @@ COMPARED: dict[str, tuple[str, ...]] = {
 # topics are not differences; if there are any, nor is the topic that is made of all contacts.
 SKIPPED = ('contact', 'wrench', 'surface_patch')
 OF_ALL = 'contour'
+DURATION = 'builtin_interfaces/msg/Duration'
 FIRST = 10  # differences that are listed
 
 
@@ -170,8 +171,11 @@ def unequal(one: Any, other: Any, name: str = '') -> Iterator[tuple[str, Any, An
     """
     Yield names and values of the fields in which two messages of one type differ.
 
-    If a field is missing in the other version of the type, its value is None.
+    If a field is missing in the other version of the type, its value is None. A duration is a
+    number of seconds.
     """
+    if getattr(one, '__msgtype__', '') == DURATION and other is not None:
+        one, other = (it.sec + it.nanosec / NS for it in (one, other))
     if is_dataclass(one):
         for key in one.__dataclass_fields__:
             if not key.startswith('__'):
