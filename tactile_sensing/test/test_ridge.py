@@ -31,7 +31,8 @@ def test_points_lie_on_a_straight_edge_and_run_along_it(yaw):
     np.testing.assert_allclose(distance(points, yaw), 0.0, atol=1e-9)
     along = points['tx'] * -math.sin(yaw) + points['ty'] * math.cos(yaw)
     np.testing.assert_allclose(np.abs(along), 1.0, atol=1e-9)
-    np.testing.assert_allclose(points['pressure'], 2 * 200.0 / (math.pi * 0.002), rtol=1e-9)
+    # It allows for the area of the tactels, which the pressure of this line is not averaged over.
+    np.testing.assert_allclose(points['pressure'], 2 * 200.0 / (math.pi * 0.002), rtol=0.04)
     np.testing.assert_allclose(points['quality'], 1.0, atol=1e-6)
 
 
@@ -45,21 +46,28 @@ def test_at_40_db_a_point_is_good_for_a_hundredth_of_a_millimetre(yaw):
 
 
 @pytest.mark.parametrize('depth, thickness', [
-    (0.001, 0.0011), (0.001, 0.002), (0.0016, 0.0026), (0.0024, 0.0034), (0.0024, 0.0064)])
-def test_on_a_bone_the_pressure_on_the_ridge_is_no_invention(depth, thickness):
-    """Between two columns it was up to 1,000 times too high: beside it, the load looks narrow."""
+    (0.001, 0.0011), (0.001, 0.002), (0.0016, 0.0026), (0.0024, 0.0034), (0.0024, 0.0064),
+    (0.0024, math.inf), (0.0016, math.inf), (0.001, math.inf), (0.0008, math.inf),
+    (0.0005, math.inf)])
+def test_the_pressure_on_the_ridge_does_not_depend_on_the_place_between_tactels(
+        depth, thickness):
+    """With tactels wider than the skin is deep, it was .3 to 3.4 times the true one."""
     k = np.linspace(0.5, 20.0 / depth, 4000)
-    transform, _ = pressure_transforms(k, Skin(depth, thickness, 0.49))
-    across = np.linspace(0.0, 0.02, 400)
-    profile = np.cos(across[:, None] * k) @ transform
-    for rho in np.linspace(0.0, PITCH, 21):
+    of_skin = (np.exp(-k * depth) * (1.0 + k * depth) if thickness == math.inf else
+               pressure_transforms(k, Skin(depth, thickness, 0.49))[0])
+    across = np.linspace(0.0, 0.03, 6000)
+    profile = np.cos(across[:, None] * k) @ of_skin * (k[1] - k[0]) / math.pi
+    inner = (np.arange(9) - 4.0) / 9.0 * PITCH  # places on a tactel, which averages over its area
+    for rho in np.linspace(0.0, PITCH, 11):
         for yaw in (0.0, 0.03, 0.3, math.pi / 4, math.pi / 2):
-            v = PAD.x * math.cos(yaw) + PAD.y[:, None] * math.sin(yaw) - rho
-            points = ridge_points(1e5 * np.interp(abs(v), across, profile / profile[0]),
-                                  PAD, 1.0, depth)
+            v = sum(axis.reshape(shape) * way for axis, shape, way in (
+                (PAD.x, (-1, 1, 1), math.cos(yaw)), (PAD.y, (-1, 1, 1, 1), math.sin(yaw)),
+                (inner, (-1, 1), math.cos(yaw)), (inner, (-1,), math.sin(yaw)))) - rho
+            pressure = np.interp(abs(v), across, profile).mean(axis=(2, 3))
+            points = ridge_points(pressure, PAD, 1e-4 * pressure.max(), depth)
             assert len(points) >= 8
-            assert 0.4 < np.median(points['pressure']) / 1e5 < 1.8
-            assert points['pressure'].max() < 2e5
+            force = 0.5 * math.pi * depth * np.median(points['pressure'])  # (3.1) at its peak
+            assert 0.8 < force < 1.25
 
 
 def test_what_is_no_edge_has_no_ridge():

@@ -11,9 +11,7 @@ DETECTION = 5.0  # lowest pressure of a ridge [standard deviations of one tactel
 FAINT = 0.12  # lowest pressure of a ridge, as share of the highest pressure
 OFFSET = 0.6  # largest distance of a ridge point from the centre of its tactel [pitches]
 NOISY = 0.05  # the image is smoothed first if the noise is above this share of the peak
-# Apparent width d of (3.1) [depths]: the least, of tactels on a bone; and the largest, also where
-# two edges merge. On coarse arrays a skin on bone looks narrower beside its ridge than on it.
-NARROWEST, WIDEST = 0.85, 3.0
+WIDEST = 3.0  # largest apparent width d of (3.1), where two edges merge [depths]
 _DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))  # steps to a neighbour: row, column
 # Place [m] and direction (its sign is arbitrary) in the sensor frame, pressure on the ridge [Pa],
 # and quality: 1 for a straight ridge, 0 for a round spot.
@@ -56,10 +54,11 @@ def ridge_of(mended: np.ndarray, x: np.ndarray, y: np.ndarray, noise: float,
     peak = mended.max()
     if not peak > DETECTION * noise or min(mended.shape) < 3:
         return np.empty(0, RIDGE_POINT)
+    smooth = mended
     if noise > NOISY * peak:
-        mended, noise = _smoothed(mended), 0.375 * noise
+        smooth, noise = _smoothed(mended), 0.375 * noise
     floor = max(DETECTION * noise, FAINT * peak)
-    return _ridge(mended, x, y, floor, noise, depth)
+    return _ridge(smooth, mended, x, y, floor, noise, depth)
 
 
 @njit(cache=True)
@@ -129,8 +128,8 @@ def _smoothed(p: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _ridge(p: np.ndarray, x: np.ndarray, y: np.ndarray, floor: float, noise: float,
-           depth: float) -> np.ndarray:
+def _ridge(p: np.ndarray, mended: np.ndarray, x: np.ndarray, y: np.ndarray, floor: float,
+           noise: float, depth: float) -> np.ndarray:
     rows, columns = p.shape
     found = np.empty(rows * columns, RIDGE_POINT)
     count = 0
@@ -152,16 +151,41 @@ def _ridge(p: np.ndarray, x: np.ndarray, y: np.ndarray, floor: float, noise: flo
             if abs(dx) > OFFSET * pitch_x or abs(dy) > OFFSET * pitch_y:
                 continue
             # Across a line load, p^(-1/2) is proportional to v^2 + d^2.
-            width2 = max(2.0 * f0 / steep - across * across, (NARROWEST * depth)**2)
+            width2 = 2.0 * f0 / steep - across * across
             if not (f0 > 0.0 and width2 < (WIDEST * depth)**2):
                 continue
-            least = f0 * width2 / (across * across + width2)
             point = found[count]
             point.x, point.y, point.tx, point.ty = x[c] + dx, y[r] + dy, -ny, nx
-            point.pressure = 1.0 / least**2
+            step_x, step_y = pitch_x * nx, pitch_y * ny
+            over = mended[r, c - 1:c + 2] if abs(step_x) > abs(step_y) else (
+                mended[r - 1:r + 2, c])
+            point.pressure = _on_ridge(over.sum(), max(abs(step_x), abs(step_y)),
+                                       math.hypot(step_x, step_y), across, depth)
             point.quality = max(1.0 - abs(flat) / steep, 0.0)
             count += 1
     return found[:count].copy()
+
+
+@njit(error_model='numpy')
+def _on_ridge(total: float, step: float, width: float, across: float, depth: float) -> float:
+    """
+    Return the pressure on the ridge of a line load, from the total of three tactels across it.
+
+    Unlike the highest tactel, the total hardly depends on where between tactels the line lies. It
+    is compared with that of the profile (3.1), averaged over the width of a tactel [m]. The line
+    is at a distance `across` from the middle tactel, the others at one `step` either way [m].
+    """
+    share = 0.0
+    for k in range(-1, 2):
+        v = k * step - abs(across)
+        share += _integral((v + 0.5 * width) / depth) - _integral((v - 0.5 * width) / depth)
+    return max(total, 0.0) * width / (share * depth)
+
+
+@njit(error_model='numpy')
+def _integral(u: float) -> float:
+    """Integrate the profile (3.1), (1 + u^2)^(-2), from 0."""
+    return 0.5 * (u / (1.0 + u * u) + math.atan(u))
 
 
 @njit(cache=True)
