@@ -12,7 +12,8 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.edge_map.edge_map import EdgeMap, ELSEWHERE, NO_RIDGE, SURE_PICTURES
 from tactile_servo.edge_map.path_queries import place_at
-from tactile_servo.edge_map.picture import PadScale, read_picture
+from tactile_servo.edge_map.picture import indentation_of, PadScale, read_picture
+from tactile_servo.edge_map.records import CLOUD_POINT, joined
 from tactile_servo.edge_map.traced_path import PathEnd
 
 PITCH, DEPTH, STIFFNESS, LOAD = 0.0254 / 16, 2e-3, 2e5, 200.0
@@ -70,6 +71,23 @@ def test_pictures_that_cannot_be_used_are_refused():
     picture = read_picture(good, np.eye(4), STIFFNESS)
     assert picture.scale == PadScale.of(good.array, DEPTH) and picture.scale.grain == DEPTH
     assert picture.force == pytest.approx(LOAD * 0.0254, rel=0.03)
+
+
+@pytest.mark.parametrize('yaw', [0.0, 0.8, -1.2])
+def test_the_indentation_rises_along_the_edge_alone(yaw):
+    """Where places and pressures of points err together, it was extrapolated across the edge."""
+    at, rise = (3e-3, 0.0), 0.05
+    points = read_picture(image_of(LINE, at, noise=1.0), np.eye(4), STIFFNESS).points
+    wrong = np.where(np.arange(len(points)) % 2, 1.0, -1.0)
+    x, y = points['x'] + 2e-4 * wrong, points['y'].copy()
+    points['x'] = x * np.cos(yaw) - y * np.sin(yaw)
+    points['y'] = x * np.sin(yaw) + y * np.cos(yaw)
+    depths = LOAD / STIFFNESS * (1.0 + 0.1 * wrong) + rise * y
+    points['z'] = -depths
+    found, depth, way = indentation_of(points, np.eye(4), 8 * PITCH)
+    assert found and depth == pytest.approx(LOAD / STIFFNESS, rel=0.05)
+    assert way / way[2] == pytest.approx(
+        [-rise * np.sin(yaw), rise * np.cos(yaw), 1.0], abs=0.01)
 
 
 def test_a_coarse_array_tells_apart_no_more_than_its_pitch():
@@ -133,6 +151,18 @@ def test_the_end_of_a_ridge_is_told_from_the_end_of_the_view():
     edge_map, _ = walk(np.array([(0.0, -0.1), (0.0, 0.02)]), straight(16))
     assert edge_map.path.end is PathEnd.RIDGE
     assert place_at(edge_map.path.nodes, edge_map.path.tip)[1] == pytest.approx(0.02, abs=0.6e-3)
+
+
+def test_a_path_does_not_begin_at_a_single_point():
+    """Noise makes points that are no ridge; one was nearer to the pad than the edge."""
+    edge_map, at = EdgeMap(STIFFNESS), (4e-3, 0.0)
+    assert edge_map.see(image_of(LINE, at), pose_at(at)) is None
+    picture = edge_map.picture
+    single = picture.points[:1].copy()
+    single['x'], single['y'], single['weight'] = *picture.place, 0.2
+    picture.points = joined([picture.points, single], CLOUD_POINT)
+    assert edge_map.follow(1) == (None, True)
+    assert edge_map.path.nodes['point'][:, 0] == pytest.approx(-4e-3, abs=0.05e-3)
 
 
 @pytest.mark.parametrize('angle', [65.0, 90.0, -75.0])

@@ -110,7 +110,7 @@ class EdgeMap:
         return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
 
     def _begin(self, heading: np.ndarray, may_close: bool) -> tuple[Reason | None, bool]:
-        """Begin a path at the ridge point nearest to the pad's centre."""
+        """Begin a path at the ridge nearest to the pad's centre."""
         picture, cloud = self.picture, self._cloud
         may_close = may_close and (self.path is None or self.path.may_close)
         self._off_path, self.followed = 0, False
@@ -121,9 +121,11 @@ class EdgeMap:
                 f'it is {np.degrees(np.arccos(cosines.max())):.0f} degrees off the direction of '
                 "travel (at the start the pad's y), must be within 60")), False
         place = cloud['place'][along]
-        nearest = place[np.linalg.norm(place - picture.place, axis=1).argmin()]
-        line = local_line(cloud, *nearest, *heading, self.scale.grain)
-        if not line.found:
+        # A single point, due to noise, is no line.
+        nearest_first = place[np.linalg.norm(place - picture.place, axis=1).argsort()]
+        line = next((line for line in (local_line(cloud, *at, *heading, self.scale.grain)
+                                       for at in nearest_first) if line.found), None)
+        if line is None:
             return ELSEWHERE, False
         start = nodes_of((line.x, line.y), line.z, (line.tx, line.ty))
         start['station'] = self.station

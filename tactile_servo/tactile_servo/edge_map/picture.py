@@ -24,7 +24,6 @@ UNKNOWN_NOISE = 1e-2  # share of the highest pressure, for a sensor that does no
 # A ridge shows how the pad is pressed if it is central, long and straight. In half pads: largest
 # distance of its centre, least standard deviation along it; in depths: largest misfit.
 CENTRAL, LONG, ROUGH = 0.3, 0.4, 0.2
-LEVEL = 1e-3  # weight of a prior for no slope across the edge, in squared half pads
 
 
 class PadScale(NamedTuple):
@@ -133,25 +132,27 @@ def indentation_of(points: np.ndarray, pose: np.ndarray,
 
     `points` (N,) are the ridge of an image that was taken at `pose` (4, 4), `half` is the longer
     half side of the pad [m]. The first value is True if the ridge crosses the pad and is straight
-    enough for a result.
+    enough for a result. The indentation is fitted along the ridge: across it, it is constant.
     """
     to_own, count = np.ascontiguousarray(pose[:3, :3].T), len(points)
-    rows, depths, weights = np.ones((count, 3)), np.empty(count), np.empty(count)
+    own, weights = np.empty((3, count)), np.empty(count)
     for n in range(count):
-        own = to_own @ np.array([points[n].x - pose[0, 3], points[n].y - pose[1, 3],
-                                 points[n].z - pose[2, 3]])
-        rows[n, 1], rows[n, 2], depths[n], weights[n] = own[0], own[1], -own[2], points[n].weight
-    total = weights.sum()
-    # The slope across an edge is undetermined; this prior makes it 0.
-    level = LEVEL * half**2
-    normal = (rows.T * weights) @ rows + total * np.diag(np.array([1e-12, level, level]))
-    depth, rise_x, rise_y = np.linalg.solve(normal, (rows.T * weights) @ depths)
-    misfit = rows @ np.array([depth, rise_x, rise_y]) - depths
-    _, x, y = (weights @ rows) / total
-    spread = np.sum(weights * ((rows[:, 1] - x)**2 + (rows[:, 2] - y)**2)) / total
-    found = (math.hypot(x, y) < CENTRAL * half and math.sqrt(spread) > LONG * half
-             and math.sqrt(weights @ misfit**2 / total) < ROUGH * depth)
-    way = to_own.T @ np.array([rise_x, rise_y, 1.0])
+        own[:, n] = to_own @ np.array([points[n].x - pose[0, 3], points[n].y - pose[1, 3],
+                                       points[n].z - pose[2, 3]])
+        weights[n] = points[n].weight
+    weights /= max(weights.sum(), 1e-12)
+    x, y, z = own @ weights
+    dx, dy, dz = own[0] - x, own[1] - y, own[2] - z
+    xx, xy, yy = weights @ dx**2, weights @ (dx * dy), weights @ dy**2
+    turn = 0.5 * math.atan2(2.0 * xy, xx - yy)
+    along = math.cos(turn), math.sin(turn)
+    place = dx * along[0] + dy * along[1]
+    rise = -(weights @ (place * dz)) / max(weights @ place**2, 1e-12)
+    depth = -z - rise * (x * along[0] + y * along[1])
+    misfit = math.sqrt(weights @ (dz + rise * place)**2)
+    found = (math.hypot(x, y) < CENTRAL * half and math.sqrt(xx + yy) > LONG * half
+             and misfit < ROUGH * depth)
+    way = to_own.T @ np.array([rise * along[0], rise * along[1], 1.0])
     return found, depth, way / math.sqrt(way @ way)
 
 
