@@ -31,11 +31,9 @@ MOST_GAIN = 200.0  # 1/s, that of the printed law
 GAINS = (0.25, 0.5, 0.8, 1.0, 1.4, 2.0)  # of the limit in theory
 STABLE = 0.5  # N RMS of the force, above which a loop counts as unstable
 FAULTS = {
-    'none': {}, 'stiffness x 0.5': {'force': ForceConfig(stiffness=0.5 * ForceConfig.stiffness)},
-    'stiffness x 2': {'force': ForceConfig(stiffness=2.0 * ForceConfig.stiffness)},
-    'both radii + 0.5 mm': {'probe': ProbeConfig(skin_radius=0.0275)},
-    'modulus x 1.2': {'probe': ProbeConfig(modulus=1.2 * ProbeConfig.modulus)},
-    'deflection ignored': {'probe': ProbeConfig(modulus=1e12)}}
+    'none': {}, 'both radii + 0.5 mm': {'probe': ProbeConfig(skin_radius=0.0275)},
+    **{f'modulus x {factor:g}': {'probe': ProbeConfig(modulus=factor * ProbeConfig.modulus)}
+       for factor in (0.25, 1.2, 4.0)}}
 OFFSETS = {'centre 1 mm off along its axis': (0.0, 0.0, 0.001),
            'centre 3 mm off sideways': (0.003, 0.0, 0.0)}
 KEYS = ('ok', 'reason_code', 'tracked_length', 'surface_rms', 'surface_max', 'centre_max',

@@ -68,9 +68,9 @@ def test_a_law_is_found_for_an_action_and_refused_for_another():
         law_for('track_edge', 'telepathy')
 
 
-def begun(skin_stiffness):
+def begun(skin_stiffness, name='trace'):
     """Edge law on a sensor whose driver gives this stiffness."""
-    law = make_law('trace', ServoConfig())
+    law = make_law(name, ServoConfig())
     sensor = Calibration(TactelArray(16, 16, 1.6e-3, 1.6e-3)).sensor_info('pad', '', 0)
     law.begin(EdgeGoal(0.03, 5.0), replace(sensor, skin_stiffness=skin_stiffness))
     return law
@@ -79,12 +79,15 @@ def begun(skin_stiffness):
 @pytest.mark.parametrize('told, used', [(1e5, 1e5), (0.0, 2e5)])
 def test_the_stiffness_of_the_skin_is_that_of_the_calibration(told, used):
     assert begun(told).sight.edge.skin_stiffness == used
+    for name in ('trace', 'resolved_rate'):  # with an edge along 16 tactels of 1.6 mm
+        assert begun(told, name).stiffness == pytest.approx(used * 0.0256)
 
 
+@pytest.mark.parametrize('name', ['trace', 'resolved_rate'])
 @pytest.mark.parametrize('told', [float('nan'), float('inf'), -1.0, 1.0])
-def test_an_impossible_stiffness_of_the_skin_is_refused(told):
+def test_an_impossible_stiffness_of_the_skin_is_refused(told, name):
     with pytest.raises(ConfigurationError, match='skin_stiffness is .*, must be'):
-        begun(told)
+        begun(told, name)
 
 
 @pytest.mark.parametrize('name', LAWS)

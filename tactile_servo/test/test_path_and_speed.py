@@ -39,7 +39,7 @@ class Edge:
 
 def motion_on(edge, load=None, speed=0.2, slope=0.0):
     sight = SimpleNamespace(edge=edge, load=load or Load(FORCE, 0.0254), slope=slope)
-    return edge_motion.EdgeMotion(EdgeFollowingConfig(), EdgeGoal(speed, FORCE), sight)
+    return edge_motion.EdgeMotion(EdgeFollowingConfig(), EdgeGoal(speed, FORCE), sight, 5e3)
 
 
 def top(pressed=1.0, distance=0.0, coming=0.0, **options):

@@ -18,7 +18,7 @@ from tactile_servo.control.surface_path import Line, PlanarPath, raster, spiral
 from tactile_servo.conversions import surface_goal_from_msg, touch_to_msg
 from tactile_servo.law import Observation, Teachable, Touch
 from tactile_servo.laws.registry import LAWS, make_law
-from tactile_servo.laws.surface_config import ForceConfig, JacobianConfig, SurfaceConfig
+from tactile_servo.laws.surface_config import JacobianConfig, ProbeConfig, SurfaceConfig
 from tactile_servo.laws.surface_features import ContactSense, Felt, PadContact
 from tactile_servo.laws.surface_following import SurfaceFollowing
 from tactile_servo.laws.surface_goal import Pattern, refuse_surface_goal, SurfaceGoal
@@ -35,7 +35,7 @@ GOAL = SurfaceGoal(0.05, FORCE, length=0.1)
 DOWN = np.array([0.0, 0.0, -1.0])
 TABLE = build_table(ModelFeatures(HALF_SPACE, ARRAY), FeatureKind.CENTROID, grid(
     ARRAY.half_width_x, ARRAY.half_width_y, 6, (2.0, 3.5, 5.0, 7.5)),
-    Increments(stiffness=ForceConfig.stiffness), ARRAY.half_width_x)
+    Increments(stiffness=ProbeConfig().stiffness(FORCE)), ARRAY.half_width_x)
 
 
 def image_of(place, force, stress=None):
@@ -184,7 +184,7 @@ def test_contacts_are_felt_where_they_are(place, table):
 
 def test_a_depth_is_that_of_an_elastic_foundation():
     looking, pose = sense(), np.eye(4)
-    stiffness = ForceConfig.stiffness
+    stiffness = ProbeConfig().stiffness(FORCE)
     felt = looking.look(image_of((0.0, 0.0), FORCE), pose)
     assert looking.depth(felt.force) == pytest.approx(0.0, abs=1e-6)
     slope = looking.depth(5.05) - looking.depth(4.95)

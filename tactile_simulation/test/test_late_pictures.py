@@ -70,7 +70,7 @@ def test_gains_are_the_lesser_of_what_is_asked_for_and_what_the_age_allows(age):
     c = ResolvedRateConfig()
     assert lateral / 0.001 == pytest.approx(min(1.0 / c.position.segment_time, allowed), rel=1e-3)
     assert turn / 0.02 == pytest.approx(min(1.0 / c.position.segment_time, allowed), rel=1e-3)
-    assert normal * c.force.stiffness / 0.1 == pytest.approx(
+    assert normal * law.stiffness / 0.1 == pytest.approx(
         min(1.0 / c.force.segment_time, allowed), rel=1e-3)
     assert (allowed > 1.0 / c.force.segment_time) == (age <= 0.01)
 
@@ -115,7 +115,7 @@ def test_pictures_that_are_too_late_are_refused():
 def test_a_loop_that_swings_ends_in_a_refusal(monkeypatch):
     monkeypatch.setattr(stability, 'LIMIT_SHARE', 10.0)
     # It grows from little: the pad rests as it begins.
-    loop, _ = simulated(latency=0.08, goal=replace(GOAL, length=0.15))
+    loop, _ = simulated(latency=0.08, goal=replace(GOAL, length=0.3))
     assert not loop.servo.success
     assert loop.servo.reason.code == ReasonCode.OVERFORCE
     assert 'beyond 1.5 times the 5 N asked for' in loop.servo.reason.text

@@ -30,7 +30,7 @@ from tactile_simulation.scene import load_scene
 CONFIG = ResolvedRateConfig()
 ARRAY = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
 HALF = ARRAY.half_width_y
-STIFFNESS = CONFIG.force.stiffness
+STIFFNESS = 5e3  # N/m
 EDGE_MOMENTS = Moments(5.0, 0.005, 0.0, 25e-6, 260e-6, 0.0)
 
 
@@ -41,7 +41,7 @@ def contact(kind=ContactType.LINE, valid=True, moments=EDGE_MOMENTS, reasons=0, 
 
 def test_twist_moves_the_pad_onto_the_edge():
     features = EdgeFeatures(lateral=0.001, yaw=0.1, force=4.0, remaining=0.0)
-    twist = edge_twist(features, 0.03, 5.0, CONFIG)
+    twist = edge_twist(features, 0.03, 5.0, STIFFNESS, CONFIG)
     # After dt of this motion the edge, fixed in space, has moved towards the pad's centre.
     dt = 1e-3
     assert abs(features.lateral - twist[0] * dt) < abs(features.lateral)
@@ -51,7 +51,7 @@ def test_twist_moves_the_pad_onto_the_edge():
 
 def test_every_rate_is_bounded():
     wild = EdgeFeatures(lateral=1.0, yaw=-3.0, force=1e6, remaining=0.0)
-    twist = edge_twist(wild, 0.0, 5.0, CONFIG)
+    twist = edge_twist(wild, 0.0, 5.0, STIFFNESS, CONFIG)
     assert twist[0] == ACROSS
     assert twist[2] == -PRESS
     assert twist[5] == -TURN
@@ -113,10 +113,10 @@ def test_tilt_is_told_by_the_first_moment(tilt):
 
 def test_tilt_is_turned_away_within_its_bound():
     """After dt of this motion the sensor's y has come nearer to the edge's rise."""
-    twist = edge_twist(EdgeFeatures(0.0, 0.0, 5.0, 0.0, tilt=0.01), 0.0, 5.0, CONFIG)
+    twist = edge_twist(EdgeFeatures(0.0, 0.0, 5.0, 0.0, tilt=0.01), 0.0, 5.0, STIFFNESS, CONFIG)
     rise_of_pad = -twist[3] * 1e-3  # z points at the object: a fall along +z is a rise
     assert 0.0 < rise_of_pad < 0.01
-    wild = edge_twist(EdgeFeatures(0.0, 0.0, 5.0, 0.0, tilt=-9.0), 0.0, 5.0, CONFIG)
+    wild = edge_twist(EdgeFeatures(0.0, 0.0, 5.0, 0.0, tilt=-9.0), 0.0, 5.0, STIFFNESS, CONFIG)
     assert wild[3] == TILT
 
 

@@ -11,7 +11,6 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_servo.config import ForceBounds, ServoConfig
 from tactile_servo.laws.surface_config import (
-    ForceConfig,
     JacobianConfig,
     ProbeConfig,
     SurfaceConfig,
@@ -201,10 +200,11 @@ def test_steps_and_edges_are_followed_or_the_goal_ends(name, most):
     assert summary['reason']
 
 
-@pytest.mark.parametrize('factor', [0.5, 2.0])
-def test_a_wrong_stiffness_is_borne(factor):
-    force = ForceConfig(stiffness=factor * ForceConfig.stiffness)
-    _, summary = follow(scene_of(CYLINDER), line(), settings=SurfaceConfig(force=force))
+@pytest.mark.parametrize('factor', [0.25, 4.0])
+def test_a_wrong_modulus_is_borne(factor):
+    """The stiffness along the normal is then half of the true one, or twice."""
+    probe = ProbeConfig(modulus=factor * ProbeConfig.modulus)
+    _, summary = follow(scene_of(CYLINDER), line(), settings=SurfaceConfig(probe=probe))
     assert summary['ok'] and summary['force_rms_error'] < 0.3
 
 
@@ -288,8 +288,10 @@ def test_a_goal_ends_after_its_duration():
 def test_a_hard_press_is_relieved():
     # From 15 N, as a hold and what follows it may leave the probe.
     config = ServoConfig(force=ForceBounds(max_load=22.5))
-    simulation = Simulation(scene_of(SPHERE, start=SurfaceStart()), config=config)
-    simulation.run(SurfaceGoal(0.001, 15.0, length=0.2), 2.5)
+    scene = scene_of(SPHERE, start=SurfaceStart())
+    scene = replace(scene, sensor=replace(scene.sensor, pa_per_count=2000.0))  # not saturated
+    simulation = Simulation(scene, config=config)
+    simulation.run(SurfaceGoal(0.001, 15.0, length=0.2), 3.0)
     assert simulation.log[-1].force > 14.0
     simulation.servo.cancel()
     simulation.run(None, 0.5)

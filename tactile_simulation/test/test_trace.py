@@ -131,7 +131,7 @@ def test_saturated_tactels_slow_the_pad_down_beyond_the_end_too():
 
 
 @pytest.mark.parametrize('law', ['trace', 'resolved_rate'])
-@pytest.mark.parametrize('length, success', [(0.008, False), (0.02, True)])
+@pytest.mark.parametrize('length, success', [(0.009, False), (0.02, True)])
 def test_success_needs_an_edge_that_is_longer_than_the_settling(law, length, success):
     """What the pad coasts beyond the end does not count."""
     scene = EdgeScene('short', '', lifted(

@@ -31,8 +31,6 @@ class ForceConfig:
 
     gain: float = bounded(
         60.0, 'rate at which an error of the force is made up', '1/s', 1.0, 200.0, live=True)
-    stiffness: float = bounded(
-        5000.0, 'total stiffness of skin, finger and robot along the normal', 'N/m', 10.0, 1e7)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from tactile_common.config import checked
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import image_patience, ServoConfig, STALE_AFTER
 from tactile_servo.control.press_test import PRESSED
@@ -13,7 +12,14 @@ from tactile_servo.control.progress import LapGuard, Stall
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.law import Assessment, done, LawResult, Observation, Reference, Refusal, Touch
 from tactile_servo.laws.edge_config import EdgeFollowingConfig
-from tactile_servo.laws.edge_goal import edge_end, goal_end, refuse_edge_goal
+from tactile_servo.laws.edge_goal import (
+    edge_end,
+    goal_end,
+    refuse_edge_goal,
+    SKIN_STIFFNESS,
+    skin_stiffness_of,
+    total_stiffness,
+)
 from tactile_servo.laws.edge_modes import (
     Coasting,
     END_MARGIN,
@@ -28,7 +34,6 @@ from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
-SKIN_STIFFNESS = 2e5  # N/m^2, of a skin whose calibration gives none: that of a FlexiTac pad
 ADVANCE = 0.5  # grains, advance that counts as progress
 # Times `image_patience`, time without a usable image; longer than the supervisor's own timeout,
 # which handles missing images
@@ -55,12 +60,12 @@ class EdgeFollowing:
     def __init__(self, servo: ServoConfig, config: EdgeFollowingConfig | None = None):
         self.servo, self.config = servo, config or EdgeFollowingConfig()
         self._stale = STALE_AFTER
-        self._forget(EdgeGoal(0.0, 0.0), SKIN_STIFFNESS)
+        self._forget(EdgeGoal(0.0, 0.0), SKIN_STIFFNESS, math.nan)
 
-    def _forget(self, goal: EdgeGoal, skin_stiffness: float) -> None:
-        self.goal = goal
+    def _forget(self, goal: EdgeGoal, skin_stiffness: float, stiffness: float) -> None:
+        self.goal, self.stiffness = goal, stiffness
         self.sight = EdgeSight(goal, skin_stiffness, self.servo.approach.contact_force)
-        self._motion = EdgeMotion(self.config, goal, self.sight)
+        self._motion = EdgeMotion(self.config, goal, self.sight, stiffness)
         self._laps, self._stall = LapGuard(), Stall()
         self._here = self._ahead = 0.0  # stations of the measured and the commanded pose [m]
         self._progress = 0.0  # distance travelled [m]
@@ -82,10 +87,6 @@ class EdgeFollowing:
     def error(self) -> TaskError | None:
         return self.sight.error
 
-    @property
-    def stiffness(self) -> float:
-        return self.config.force.stiffness
-
     def depth(self, force: float) -> float:
         """Return the indentation [m] for a force [N], with the edge length under the pad."""
         return self._motion.depth(force)
@@ -101,10 +102,7 @@ class EdgeFollowing:
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
         self._stale = image_patience(sensor.nominal_rate)
-        skin_stiffness = checked(
-            'skin_stiffness', sensor.skin_stiffness or SKIN_STIFFNESS, float,
-            {'range': (1e2, 1e9), 'unit': 'N/m^2'})
-        self._forget(goal, skin_stiffness)
+        self._forget(goal, skin_stiffness_of(sensor), total_stiffness(sensor))
 
     def resume(self) -> None:
         self._motion.reset()

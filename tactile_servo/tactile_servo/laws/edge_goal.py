@@ -1,12 +1,27 @@
-"""Checks and ends of goals that all edge-following laws share."""
+"""Checks and ends of goals, and the stiffness, that all edge-following laws share."""
 
 import math
 
+from tactile_common.config import checked
+from tactile_sensing.types.image import SensorInfo
 from tactile_servo.control.progress import LapGuard
 from tactile_servo.law import Assessment, done, Refusal
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import EdgeGoal, State
+
+SKIN_STIFFNESS = 2e5  # N/m^2, of a skin whose calibration gives none: that of a FlexiTac pad
+
+
+def skin_stiffness_of(sensor: SensorInfo) -> float:
+    """Return the line force per indentation [N/m^2]; ConfigurationError if it is impossible."""
+    return checked('skin_stiffness', sensor.skin_stiffness or SKIN_STIFFNESS, float,
+                   {'range': (1e2, 1e9), 'unit': 'N/m^2'})
+
+
+def total_stiffness(sensor: SensorInfo) -> float:
+    """Return K_z = 2 L k of (5.5), of a skin k [N/m^2] with an edge along all of its y [N/m]."""
+    return skin_stiffness_of(sensor) * sensor.array.size_y
 
 
 def refuse_edge_goal(goal: EdgeGoal) -> Refusal | None:

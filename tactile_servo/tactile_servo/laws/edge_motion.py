@@ -62,10 +62,16 @@ def missing_depth(force: float, load: Load, *, half: float, length: float, press
 
 
 class EdgeMotion:
-    """Controllers of a pad at an edge; `speed` along it and `velocity` x, y in the plane [m/s]."""
+    """
+    Controllers of a pad at an edge; `speed` along it and `velocity` x, y in the plane [m/s].
 
-    def __init__(self, config: EdgeFollowingConfig, goal: EdgeGoal, sight: EdgeSight):
+    The stiffness is the total one along the normal [N/m].
+    """
+
+    def __init__(self, config: EdgeFollowingConfig, goal: EdgeGoal, sight: EdgeSight,
+                 stiffness: float):
         self.config, self.goal, self.sight = config, goal, sight
+        self._stiffness = stiffness
         self._force = ForceController(config.force.gain, INTEGRAL, press=NORMAL, lift=NORMAL)
         self._attitude = AttitudeController(TURN_GAIN, TURN_RATE)
         self._behind = self._mean_speed = 0.0  # way behind the command [m] and speed [m/s]
@@ -138,7 +144,7 @@ class EdgeMotion:
 
     def touch_speed(self, left: float) -> float:
         """Return the speed along the normal [m/s] that can stop at a touch or after `left` [m]."""
-        seen = touch_speed(self.goal.force, self.config.force.stiffness, self.sight.age)
+        seen = touch_speed(self.goal.force, self._stiffness, self.sight.age)
         # Plan half of the deceleration: commands already sent delay the braking.
         return min(NORMAL, seen, math.sqrt(BRAKING * left))
 
@@ -158,8 +164,7 @@ class EdgeMotion:
             skin_stiffness=sight.edge.skin_stiffness)
         off = goal.force - load.force
         give = self._force.speed(
-            missing, off / self.config.force.stiffness if abs(off) < INTEGRATED * goal.force
-            else None, dt,
+            missing, off / self._stiffness if abs(off) < INTEGRATED * goal.force else None, dt,
             # Unloading for a coming leg must be quick; the motion since the image is known.
             haste=HASTE if load.coming > 0.0 and missing < 0.0 else 1.0,
             # Do not press on contacts that are not the edge.

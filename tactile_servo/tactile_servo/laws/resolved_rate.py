@@ -27,7 +27,7 @@ from tactile_servo.law import (
     Touch,
 )
 from tactile_servo.laws.edge_features import edge_features, EdgeFeatures
-from tactile_servo.laws.edge_goal import edge_end, goal_end, refuse_edge_goal
+from tactile_servo.laws.edge_goal import edge_end, goal_end, refuse_edge_goal, total_stiffness
 from tactile_servo.motion.motion import COMMITTED, Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
@@ -60,9 +60,6 @@ class ForceConfig:
 
     segment_time: float = bounded(
         0.06, 'T_seg of (5.3) for the contact force', 's', 0.01, 10.0, live=True)
-    stiffness: float = bounded(
-        5000.0, 'K_z of (5.5): total stiffness of skin, finger and robot along the normal',
-        'N/m', 10.0, 1e7)
 
 
 @dataclass(frozen=True)
@@ -87,15 +84,15 @@ def speed_factor(features: EdgeFeatures, half_width: float, force: float) -> flo
                ramp(features.force / force, 0.0, FIRM))
 
 
-def edge_twist(features: EdgeFeatures, speed: float, force: float, config: ResolvedRateConfig,
-               shortest: float = 0.0) -> np.ndarray:
+def edge_twist(features: EdgeFeatures, speed: float, force: float, stiffness: float,
+               config: ResolvedRateConfig, shortest: float = 0.0) -> np.ndarray:
     """
     Return the twist (6,) that drives X_a to X_d: dX = (X_f - X_a) / T_seg dt of (5.3).
 
     It is in the sensor frame [m/s, rad/s], for a signed speed along the sensor's y [m/s] and a
-    wanted force [N]. The stiffness converts force to position, z_a = P / K_z (5.6, where K_z is
-    the total stiffness). Every component is bounded, because the rate of (5.3) is unbounded as t
-    approaches T_seg; `shortest` is the lower bound of every T_seg [s].
+    wanted force [N]. The total stiffness [N/m] converts force to position: z_a = P / K_z (5.6).
+    Every component is bounded, because the rate of (5.3) is unbounded as t approaches T_seg;
+    `shortest` is the lower bound of every T_seg [s].
     """
     def rate(error: float, segment_time: float, most: float) -> float:
         return clipped(error / max(segment_time, shortest), -most, most)
@@ -103,7 +100,7 @@ def edge_twist(features: EdgeFeatures, speed: float, force: float, config: Resol
     across, press = config.position, config.force
     return np.array([
         rate(features.lateral, across.segment_time, ACROSS), speed,
-        rate((force - features.force) / press.stiffness, press.segment_time, PRESS),
+        rate((force - features.force) / stiffness, press.segment_time, PRESS),
         # A larger load ahead means that the edge rises there: turn the pad's front away from it.
         rate(-features.tilt, TILT_TIME, TILT), 0.0,
         rate(features.yaw, across.segment_time, TURN)])
@@ -130,6 +127,7 @@ class ResolvedRate:
         self.servo, self.config = servo, config or ResolvedRateConfig()
         self.features, self._begun, self._stale = UNKNOWN, False, STALE_AFTER
         self.error: TaskError | None = None
+        self.stiffness = math.nan  # set by `begin`
         self._age, self.shortest, self._looked = MAX_STAMP_AGE, math.inf, -math.inf
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
         self._twist, self._slowed = np.zeros(6), 0.0
@@ -146,6 +144,7 @@ class ResolvedRate:
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
         self.goal, self._array = goal, sensor.array
+        self.stiffness = total_stiffness(sensor)
         self._stale = image_patience(sensor.nominal_rate)
         self.features, self._problem, self._begun = UNKNOWN, '', True
         self.error = None
@@ -172,14 +171,14 @@ class ResolvedRate:
         if not self._begun:
             return
         features, self._problem = edge_features(
-            observation.contact, self._array, self.config.force.stiffness)
+            observation.contact, self._array, self.stiffness)
         if features is not None:
             self.features, self._shown = features, arrival
             self.error = TaskError(features.lateral, angle=features.yaw, force=features.force)
             self._compare_depth(observation, features)
         if self.features is not UNKNOWN:  # the speed along the edge is added in `reference`
-            self._twist = edge_twist(self.features, 0.0, self.goal.force, self.config,
-                                     self.shortest)
+            self._twist = edge_twist(self.features, 0.0, self.goal.force, self.stiffness,
+                                     self.config, self.shortest)
             self._slowed = speed_factor(self.features, self._array.half_width_x, self.goal.force)
 
     def _compare_depth(self, observation: Observation, features: EdgeFeatures) -> None:
@@ -193,11 +192,6 @@ class ResolvedRate:
             self._press.see(
                 at[:3], pose[:3, :3] @ up, contact.line_force * length / self.stiffness,
                 features.force > PRESSED * self.goal.force)
-
-    @property
-    def stiffness(self) -> float:
-        """Total stiffness of skin, finger and robot along the normal, K_z of (5.5) [N/m]."""
-        return self.config.force.stiffness
 
     def depth(self, force: float) -> float:
         return force / self.stiffness

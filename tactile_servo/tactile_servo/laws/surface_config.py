@@ -1,5 +1,6 @@
 """User settings of probe, robot and task for the laws that follow a surface."""
 from dataclasses import dataclass, field
+import math
 
 from tactile_common.config import bounded, documented
 
@@ -12,6 +13,10 @@ class ProbeConfig:
     modulus: float = bounded(
         1.44e8, "pressure per indentation of the skin's surface: P / (pi R d^2) where a force P "
         'presses a plate in by d', 'Pa/m', 1e3, 1e13)
+
+    def stiffness(self, force: float) -> float:
+        """Return K_z of (6.7), the change of the force P(d) per d, at a force [N]."""
+        return 2.0 * math.sqrt(math.pi * self.skin_radius * self.modulus * force)
 
 
 @dataclass(frozen=True)
@@ -39,9 +44,6 @@ class ForceConfig:
 
     gain: float = bounded(
         30.0, 'rate at which an error of the force is made up', '1/s', 0.1, 500.0, live=True)
-    stiffness: float = bounded(
-        15600.0, 'K_z of (6.7): force per way along the normal of skin, finger and robot, at '
-        '5 N; it grows with the root of the force', 'N/m', 10.0, 1e7)
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.laws.surface_config import SurfaceConfig
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.tactile_jacobian.features import (
-    FeatureKind,
-    features_of,
-    filled,
-    ModelFeatures,
-    REFERENCE,
-)
+from tactile_servo.tactile_jacobian.features import FeatureKind, features_of, filled, ModelFeatures
 from tactile_servo.tactile_jacobian.jacobian import (
     Increments,
     least_squares,
@@ -62,8 +56,7 @@ class ContactSense:
     table: JacobianTable | None = None
 
     def __post_init__(self) -> None:
-        # On an elastic foundation the force is proportional to the square of the depth.
-        self.stiffness = self.config.force.stiffness * math.sqrt(self.force / REFERENCE)
+        self.stiffness = self.config.probe.stiffness(self.force)
         self._kind = self.table.kind if self.table else FeatureKind.CENTROID
         model = ModelFeatures(HalfSpaceDome(self.dome, self.array), self.array, self._kind)
         centre = np.array([0.0, 0.0, self.force])

@@ -117,7 +117,7 @@ class SurfaceFollowing:
 
     @property
     def stiffness(self) -> float:
-        return self.config.force.stiffness
+        return self.config.probe.stiffness(self.goal.force)
 
     def validate(self, goal: SurfaceGoal) -> Refusal | None:
         try:

@@ -142,7 +142,8 @@ class SurfaceMotion:
         """
         predicted, _ = self._surface.predict(self.centre_of(pose))
         sent, _ = self._surface.predict(self.centre_of(commanded))
-        predicted = max(predicted, sent - UNHEARD * aim.force / self.config.force.stiffness)
+        stiffness = self.config.probe.stiffness(aim.force)
+        predicted = max(predicted, sent - UNHEARD * aim.force / stiffness)
         near = abs(felt.force - aim.force) < INTEGRATED * aim.force
         return self._force.speed(
             wanted - predicted, wanted - depth if depth is not None and near else None, dt,
