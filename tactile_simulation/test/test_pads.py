@@ -71,6 +71,27 @@ start: {{s: 0.06, height: 0.004, {start}}}
     assert summary['force_max'] < 7.0
 
 
+@pytest.mark.parametrize('path', [
+    '{straight: 0.16}', '{straight: 0.06}, {turn: 40}, {straight: 0.1}'])
+def test_an_edge_does_not_end_where_a_coarse_pad_sees_no_ridge(tmp_path, path):
+    """Ridges of 5 x 5 tactels are within 8 of 12.5 mm: the edge seemed to end there."""
+    scene = tmp_path / 'scene.yaml'
+    scene.write_text(f"""
+name: coarse
+description: Tactels five times as wide as the skin is deep.
+edge: {{start: [0.36, -0.08, 0.15], heading: 90, path: [{path}]}}
+skin: {{depth: 0.001, stiffness: 100000.0}}
+sensor: {{rows: 5, columns: 5, pitch_x: 5.0e-3, pitch_y: 5.0e-3}}
+start: {{s: 0.03, height: 0.004, yaw: -2, offset: 0.002}}
+""")
+    simulation = Simulation(load_scene(scene), 'trace', seed=1)
+    goal = EdgeGoal(0.03, 5.0, length=0.08)
+    simulation.run(goal, 20.0)
+    summary = simulation.summary(goal)
+    assert summary['ok'], summary['reason']
+    assert summary['lateral_rms'] < 1e-3 and summary['force_max'] < 8.0
+
+
 @pytest.mark.parametrize('stiffness', [5e4, 6e5])
 def test_the_unfelt_force_is_that_of_the_skin(stiffness):
     """What a pad that is .1 mm deeper than the images show presses in addition."""

@@ -18,9 +18,9 @@ from tactile_servo.edge_map.tracing import STEP, trace
 
 DENIALS = 3  # successive images without a corner after which it is removed
 PAST_CORNER = 11.0  # depths ahead of the pad that are traced at least: through a corner
-SEEN_BORDER = 1.65  # depths from the pad's border within which a ridge seems to end
 
 # Distances in grains, the resolution, see `PadScale`:
+SEEN_BORDER = 1.65  # from the pad's border, within which a ridge seems to end
 KEEP_BEHIND = 1.0  # behind the pad's centre, from where on the path is no longer changed
 CLOSING = 0.6  # from the start, within which a contour closes
 SAME_CORNER = 1.5  # between two vertices, within which they belong to the same corner
@@ -68,7 +68,7 @@ class TracedPath:
         back['way'] *= -1.0
         # True if the edge may continue before the first node.
         x, y = back['place'][0].tolist() if len(back) else (math.inf, math.inf)
-        self.open_start = not picture.covers(x, y, SEEN_BORDER * picture.depth)
+        self.open_start = not picture.covers(x, y, SEEN_BORDER * self.scale.grain)
         self.nodes = joined([back, start])
         (self.began,) = start['station'].tolist()
         self.nodes['station'][0] = self.began - len(back) * self._step
@@ -161,7 +161,7 @@ class TracedPath:
         """Return nodes across a gap, or None if the path ends with the view or the ridge."""
         x, y, _, tx, ty, *_ = last['row'][0].tolist()
         ahead = (x - picture.x) * tx + (y - picture.y) * ty > 0.0  # of the pad's centre
-        if ahead and not picture.covers(x, y, SEEN_BORDER * picture.depth):
+        if ahead and not picture.covers(x, y, SEEN_BORDER * self.scale.grain):
             return None
         jump = ends.way_over_gap(cloud, last, self.scale)
         self.end = PathEnd.RIDGE if jump is None else PathEnd.VIEW
