@@ -70,6 +70,21 @@ def test_the_pressure_on_the_ridge_does_not_depend_on_the_place_between_tactels(
             assert 0.8 < force < 1.25
 
 
+@pytest.mark.parametrize('yaw', YAWS)
+def test_a_noisy_edge_on_coarse_tactels_has_a_ridge(yaw):
+    """Smoothed against the noise, it seemed too wide for the depth of a thin skin."""
+    coarse, fine = TactelArray(7, 7, 4e-3, 4e-3), (np.arange(20) - 9.5) / 20.0 * 4e-3
+    places = [np.add.outer(axis, fine).ravel() for axis in (coarse.x, coarse.y)]
+    pressure = line_pressure(places[0], places[1][:, None], 1e-3, yaw, 75.0, 1e-3)
+    pressure = pressure.reshape(7, 20, 7, 20).mean(axis=(1, 3))
+    noise = 0.06 * pressure.max()
+    for seed in range(10):
+        image = pressure + noise * np.random.default_rng(seed).standard_normal(pressure.shape)
+        points = ridge_points(image, coarse, noise, 1e-3)
+        assert len(points) >= 4
+        assert np.abs(distance(points, yaw)).mean() < 1.2e-3
+
+
 def test_what_is_no_edge_has_no_ridge():
     noise = 630.0 * np.random.default_rng(0).standard_normal(PAD.shape)
     assert len(ridge_points(noise, PAD, 630.0, 0.002)) == 0

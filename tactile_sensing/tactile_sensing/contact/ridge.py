@@ -11,7 +11,7 @@ DETECTION = 5.0  # lowest pressure of a ridge [standard deviations of one tactel
 FAINT = 0.12  # lowest pressure of a ridge, as share of the highest pressure
 OFFSET = 0.6  # largest distance of a ridge point from the centre of its tactel [pitches]
 NOISY = 0.05  # the image is smoothed first if the noise is above this share of the peak
-WIDEST = 3.0  # largest apparent width d of (3.1), where two edges merge [depths]
+WIDEST = 3.0  # largest apparent width d of (3.1), where two edges merge [depths or pitches]
 _DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))  # steps to a neighbour: row, column
 # Place [m] and direction (its sign is arbitrary) in the sensor frame, pressure on the ridge [Pa],
 # and quality: 1 for a straight ridge, 0 for a round spot.
@@ -134,6 +134,7 @@ def _ridge(p: np.ndarray, mended: np.ndarray, x: np.ndarray, y: np.ndarray, floo
     found = np.empty(rows * columns, RIDGE_POINT)
     count = 0
     pitch_x, pitch_y = x[1] - x[0], y[1] - y[0]
+    widest = WIDEST * max(depth, pitch_x, pitch_y)
     for r in range(1, rows - 1):
         for c in range(1, columns - 1):
             if p[r, c] < floor or not _high(p, r, c):
@@ -152,7 +153,7 @@ def _ridge(p: np.ndarray, mended: np.ndarray, x: np.ndarray, y: np.ndarray, floo
                 continue
             # Across a line load, p^(-1/2) is proportional to v^2 + d^2.
             width2 = 2.0 * f0 / steep - across * across
-            if not (f0 > 0.0 and width2 < (WIDEST * depth)**2):
+            if not (f0 > 0.0 and width2 < widest**2):
                 continue
             point = found[count]
             point.x, point.y, point.tx, point.ty = x[c] + dx, y[r] + dy, -ny, nx
