@@ -9,7 +9,9 @@ from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import pressure_layer
 
 LIVELY = 4.0  # a tactel that changes after fewer images on average is lively: noise shows its life
-LEAST_LIVELY = 0.25  # least share of lively tactels, of all: with fewer, noise shows nothing
+# Least share of lively tactels, of those that are not clipped. With fewer, the noise is so small
+# that a tactel in the middle between two counts hardly changes, as any of them may under load.
+LEAST_LIVELY = 0.8
 TOGETHER = 0.1  # share of lively tactels, at least two, that must be silent to be reported
 CHANCE = 1e-9  # probability that so many are silent by chance
 INTERVAL_WEIGHT = 0.2  # weight of the newest interval in its running mean
@@ -78,7 +80,7 @@ class SensorWatch:
         self._quiet[changed | ~inside] = 0.0
         lively = self._interval < LIVELY
         quiet, interval = self._quiet[lively], self._interval[lively]
-        self.watches = len(interval) > LEAST_LIVELY * lively.size
+        self.watches = bool(len(interval) > LEAST_LIVELY * np.count_nonzero(inside))
         self._silent, enough = 0.0, max(math.ceil(TOGETHER * len(interval)), 2)
         if len(interval) >= enough:
             most = 1.0 + math.log(len(interval) / enough) - math.log(CHANCE) / enough

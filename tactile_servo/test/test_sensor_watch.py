@@ -10,11 +10,11 @@ from tactile_servo.sensor_watch import SensorWatch
 PLACE = np.zeros(3)
 
 
-def images(rows, columns, noise, count, seed=0):
+def images(rows, columns, noise, count, seed=0, means=0.0):
     """Rounded noise, in units of a count's 100 Pa, of which tactels may be taken out."""
     array, random = TactelArray(rows, columns, 1e-3, 1e-3), np.random.default_rng(seed)
     for number in range(count):
-        counts = np.rint(random.normal(0.0, noise, (rows, columns)))
+        counts = np.rint(random.normal(means, noise, (rows, columns)))
         yield TactileImage(number, number, (Layer('zz', 1e-3, 100.0 * counts),), array, True)
 
 
@@ -26,6 +26,20 @@ def test_living_noise_is_no_alarm(shape, noise):
         watch.see(image, number > 400, PLACE)
         reason = watch.problem(5.0)
         assert reason is None or reason.code is not ReasonCode.SENSOR_SILENT, (number, reason)
+
+
+@pytest.mark.parametrize('noise', [0.1, 0.2, 0.3, 0.4])
+@pytest.mark.parametrize('shape', [(4, 4), (5, 5), (16, 16)])
+@pytest.mark.parametrize('seed', range(3))
+def test_a_load_that_moves_readings_to_the_middle_of_a_count_is_no_alarm(shape, noise, seed):
+    """Noise of a third of a count and less changes only readings between two counts."""
+    watch, random = SensorWatch(), np.random.default_rng(seed)
+    for loaded in (False, True):
+        means = random.uniform(-0.5, 0.5, shape)
+        for image in images(*shape, noise, 600, seed, means):
+            watch.see(image, loaded, PLACE)
+            reason = watch.problem(1e3)
+            assert reason is None or reason.code is not ReasonCode.SENSOR_SILENT, reason
 
 
 @pytest.mark.parametrize('shape, within', [((4, 4), 40), ((5, 5), 30), ((16, 16), 12)])
