@@ -84,7 +84,7 @@ def test_the_stiffness_of_the_skin_is_that_of_the_calibration(told, used):
 
 
 @pytest.mark.parametrize('name', ['trace', 'resolved_rate'])
-@pytest.mark.parametrize('told', [float('nan'), float('inf'), -1.0, 1.0])
+@pytest.mark.parametrize('told', [float('nan'), float('inf'), -1.0, 200.0])  # 200: of kN/m^2
 def test_an_impossible_stiffness_of_the_skin_is_refused(told, name):
     with pytest.raises(ConfigurationError, match='skin_stiffness is .*, must be'):
         begun(told, name)

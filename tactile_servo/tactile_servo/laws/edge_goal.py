@@ -16,7 +16,7 @@ SKIN_STIFFNESS = 2e5  # N/m^2, of a skin whose calibration gives none: that of a
 def skin_stiffness_of(sensor: SensorInfo) -> float:
     """Return the line force per indentation [N/m^2]; ConfigurationError if it is impossible."""
     return checked('skin_stiffness', sensor.skin_stiffness or SKIN_STIFFNESS, float,
-                   {'range': (1e2, 1e9), 'unit': 'N/m^2'})
+                   {'range': (1e3, 1e9), 'unit': 'N/m^2'})
 
 
 def total_stiffness(sensor: SensorInfo) -> float:
