@@ -85,6 +85,19 @@ def test_a_noisy_edge_on_coarse_tactels_has_a_ridge(yaw):
         assert np.abs(distance(points, yaw)).mean() < 1.2e-3
 
 
+def test_a_ridge_in_noise_has_a_pressure():
+    """Where only the smoothed image shows it, the sum over tactels was below 0."""
+    found = 0
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        image = line(rng.uniform(0.0, math.pi)) * rng.uniform(0.0, 0.02) + 630.0 * (
+            rng.standard_normal(PAD.shape))
+        points = ridge_points(image, PAD, 200.0, 0.002)  # the noise is larger than it says
+        found += len(points)
+        assert (points['pressure'] > 0.0).all()
+    assert found > 1000
+
+
 def test_what_is_no_edge_has_no_ridge():
     noise = 630.0 * np.random.default_rng(0).standard_normal(PAD.shape)
     assert len(ridge_points(noise, PAD, 630.0, 0.002)) == 0

@@ -155,12 +155,14 @@ def _ridge(p: np.ndarray, mended: np.ndarray, x: np.ndarray, y: np.ndarray, floo
             width2 = 2.0 * f0 / steep - across * across
             if not (f0 > 0.0 and width2 < widest**2):
                 continue
+            step_x, step_y = pitch_x * nx, pitch_y * ny
+            total = (mended[r, c - 1:c + 2] if abs(step_x) > abs(step_y) else
+                     mended[r - 1:r + 2, c]).sum()
+            if not total > 0.0:  # before it was smoothed, it was noise
+                continue
             point = found[count]
             point.x, point.y, point.tx, point.ty = x[c] + dx, y[r] + dy, -ny, nx
-            step_x, step_y = pitch_x * nx, pitch_y * ny
-            over = mended[r, c - 1:c + 2] if abs(step_x) > abs(step_y) else (
-                mended[r - 1:r + 2, c])
-            point.pressure = _on_ridge(over.sum(), max(abs(step_x), abs(step_y)),
+            point.pressure = _on_ridge(total, max(abs(step_x), abs(step_y)),
                                        math.hypot(step_x, step_y), across, depth)
             point.quality = max(1.0 - abs(flat) / steep, 0.0)
             count += 1
@@ -180,7 +182,7 @@ def _on_ridge(total: float, step: float, width: float, across: float, depth: flo
     for k in range(-1, 2):
         v = k * step - abs(across)
         share += _integral((v + 0.5 * width) / depth) - _integral((v - 0.5 * width) / depth)
-    return max(total, 0.0) * width / (share * depth)
+    return total * width / (share * depth)
 
 
 @njit(error_model='numpy')
