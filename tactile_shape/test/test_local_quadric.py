@@ -19,6 +19,7 @@ from tactile_shape.local_surface.local_quadric import (
 )
 from tactile_shape.types.patch import Kind
 from tactile_shape.types.surface_matrix import SurfaceMatrix
+from tactile_shape.types.tangent import tangent_frame
 
 EXACT = [(PLANE, Kind.PLANE), (cylinder(0.0325), Kind.CYLINDER), (cylinder(0.1), Kind.CYLINDER),
          (sphere(0.035), Kind.SPHERE), (sphere(0.063), Kind.SPHERE)]
@@ -108,6 +109,17 @@ def test_covariance_is_that_of_the_curvature(surface, inside):
         scores.append(off / np.sqrt(patch.covariance[0, 0] - unknown**2))
     rms = np.sqrt(np.mean(np.square(scores)))
     assert 0.5 < rms < 1.4 if inside else 0.75 < rms < 1.25
+
+
+def test_without_a_path_the_frame_does_not_turn_by_rounding_errors():
+    """Contacts in one place, within a micrometre: their mean is subtracted from itself."""
+    normal = np.array([0.1, -0.2, 0.97])
+    normal /= np.linalg.norm(normal)
+    for count in range(2, 12):
+        points = np.array([0.3, 0.1, 0.2]) + 1e-6 * np.random.default_rng(
+            count).standard_normal((count, 3))
+        frame = last(ESTIMATOR, points, [normal] * count).frame
+        np.testing.assert_allclose(frame[:3, :3], tangent_frame(normal), atol=1e-3)
 
 
 def test_the_frame_does_not_matter():

@@ -198,14 +198,15 @@ def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndar
     Return the rotation (3, 3) about z that turns x along a path (m, 2), and the count of K.
 
     The count is the number of elements of K that the path can determine. Noise of `std` [m] along
-    the surface makes a path look wider.
+    the surface makes a path look wider. Without a path, its direction would be that of rounding
+    errors: x is not turned.
     """
     off = u - weights @ u / weights.sum()
     spread = (weights[:, None] * off).T @ off / weights.sum()
     large, small, heading = principal(spread[0, 0], spread[0, 1], spread[1, 1])
     fuzz = CLEAR * std**2 * len(weights) / weights.sum() + 1e-24
     count = 0 if large < fuzz else 2 if small < fuzz else 3
-    return turn_about_z(heading), count
+    return turn_about_z(heading if count else 0.0), count
 
 
 def along(heading: float) -> np.ndarray:
