@@ -48,6 +48,12 @@ PALETTE = np.vstack([np.column_stack([
     for part in np.array(COLOURS).T]), (223, 226, 231)]).round().astype(np.uint8)
 
 
+def live_page() -> str:
+    """Return the HTML of the page."""
+    body = (resources.files('edge_tracking.web') / 'live.html').read_text('utf-8')
+    return make_page('Live touch', body, ('tactile.js', 'live.js'), connect="'self'")
+
+
 @dataclass(frozen=True)
 class ViewConfig:
     """Address of the page."""
@@ -69,9 +75,7 @@ class ViewNode(TactileNode):
     def __init__(self, **kwargs: Any):
         super().__init__('view', **{'namespace': NAMESPACE, **kwargs})
         config = declare_from(self, ViewConfig)
-        body = (resources.files('edge_tracking.web') / 'live.html').read_text('utf-8')
-        self._server = Server(config.host, config.port, make_page(
-            'Live touch', body, ('tactile.js', 'live.js'), connect="'self'"))
+        self._server = Server(config.host, config.port, live_page())
         self._picture = self.create_publisher(Image, 'image/view', qos_profile_sensor_data)
         self._heard: dict[str, bytes] = {}  # newest message by topic
         self._listening: list[Any] = []

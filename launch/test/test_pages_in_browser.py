@@ -1,14 +1,19 @@
-"""The report and the site in headless Chromium, on a wide and on a narrow screen."""
+"""Report, live view and site in headless Chromium, on a wide and on a narrow screen."""
+from html import escape
 import json
 from pathlib import Path
 import re
 import shutil
 import subprocess
 
+import numpy as np
 import pytest
 
 from edge_tracking.recording.summary import summarise, truth
 from edge_tracking.report.page import make_report, Shown
+from edge_tracking.view import live_page
+from edge_tracking.web.page import packed
+from edge_tracking.web.server import Server
 
 SITE = Path(__file__).resolve().parents[2] / '.ws/site'
 WIDTHS = (1200, 390)  # px
@@ -49,14 +54,20 @@ def measured(pages, folder):
     """What the browser finds of pages at each width, and what they write to its console."""
     start = folder / 'measure.html'
     start.write_text(MEASURE % (json.dumps([page.as_uri() for page in pages]), list(WIDTHS)))
+    dom, console = opened(start.as_uri(), folder, 120)
+    return json.loads(re.search(r'<pre id="found">(.*?)</pre>', dom, re.S)[1]), console
+
+
+def opened(address, folder, seconds):
+    """The elements of a page after some time of its own, and what it writes to the console."""
     done = subprocess.run(
         [BROWSER, '--headless', '--no-sandbox', '--disable-gpu', '--allow-file-access-from-files',
          '--enable-logging=stderr', f'--user-data-dir={folder / "profile"}',
-         '--hide-scrollbars', '--virtual-time-budget=120000', '--window-size=1300,900',
-         '--dump-dom', start.as_uri()], capture_output=True, text=True, timeout=300)
-    result = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
-    assert result, done.stderr[-2000:]
-    return json.loads(result[1]), re.findall(r'CONSOLE[^\n]*', done.stderr)
+         '--hide-scrollbars', f'--virtual-time-budget={1000 * seconds}',
+         '--window-size=1300,900', '--dump-dom', address],
+        capture_output=True, text=True, timeout=300)
+    assert '<body' in done.stdout, done.stderr[-2000:]
+    return done.stdout, re.findall(r'CONSOLE[^\n]*', done.stderr)
 
 
 def faults(found):
@@ -73,10 +84,34 @@ def test_report(run, scene, tmp_path):
     make_report(pages[0], known)
     make_report(pages[1], known, known)
     found, console = measured(pages, tmp_path)
-    assert len(found) == 2 * len(WIDTHS) and all(len(it['drawn']) > 8 for it in found)
+    # Of each run the image, the way, place twice, force, view from above, contacts, latency.
+    assert [len(it['drawn']) for it in found] == [8, 8, 16, 16]
     assert all('track' in said for it in found for said in it['players'])
     assert all(drawn > 1000 for it in found for drawn in it['drawn'])
     assert faults(found) == [] and console == []
+
+
+def test_live_view(tmp_path):
+    server = Server('127.0.0.1', 0, live_page())
+    hostile = '</p><img src=x onerror=console.error(1)>'
+    place = {'x': -1e-6, 'y': 2e-3, 'yaw': -1e-6, 'start': None, 'end': None,
+             'covariance': [1e-8, 0.0, 4e-8]}
+    server.newest = json.dumps({
+        'image': {'rows': 2, 'columns': 3, 'unit': 'Pa', 'pitch': [1e-3, 1e-3], 'top': 5e4,
+                  'rate': 200.0, 'sensor': hostile, 'tared': False,
+                  'levels': packed(np.array([0, 254, 255, 3, 4, 5]), 'u1')},
+        'contact': {'type': 'line', 'place': place, 'force': 4.996, 'reasons': ''},
+        'status': {'state': 'track', 'reason': hostile, 'speed': None, 'progress': 0.03},
+        'position': [0.1, 0.2, None], 'stamp': 1}).encode()
+    dom, console = opened(server.url, tmp_path, 5)
+    server.close()
+    said = dict(re.findall(r'<p id="(\w+)">(.*?)</p>', dom))
+    shown = escape(hostile, quote=False)
+    assert said == {
+        'contact': 'line · x 0.00 mm · y 2.00 mm · 0.0 ° · 5.00 N',
+        'servo': f'track · {shown} · 30.0 mm so far',
+        'sensor': f'{shown}: 2 × 3, 200 Hz, darkest 5.00e+4 Pa, not tared'}
+    assert '<img' not in dom and console == []
 
 
 @pytest.mark.skipif(not (SITE / 'index.html').is_file(), reason='no site yet: ./ws docs')

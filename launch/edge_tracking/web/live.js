@@ -6,7 +6,9 @@ const view = turnable(find('way'), () => { drawn = null; });
 function say(name, text) { find(name).textContent = text; }
 
 function number(value, factor, digits, unit) {
-  return Number.isFinite(value) ? `${(factor * value).toFixed(digits)} ${unit}` : '';
+  if (!Number.isFinite(value)) return '';
+  const rounded = +(factor * value).toFixed(digits) || 0;  // no -0
+  return `${rounded.toFixed(digits)} ${unit}`;
 }
 
 function draw() {
