@@ -153,13 +153,14 @@ def test_the_end_of_a_ridge_is_told_from_the_end_of_the_view():
     assert place_at(edge_map.path.nodes, edge_map.path.tip)[1] == pytest.approx(0.02, abs=0.6e-3)
 
 
-def test_a_path_does_not_begin_at_a_single_point():
+@pytest.mark.parametrize('weight', [0.2, 1.0])
+def test_a_path_does_not_begin_at_a_single_point(weight):
     """Noise makes points that are no ridge; one was nearer to the pad than the edge."""
     edge_map, at = EdgeMap(STIFFNESS), (4e-3, 0.0)
     assert edge_map.see(image_of(LINE, at), pose_at(at)) is None
     picture = edge_map.picture
     single = picture.points[:1].copy()
-    single['x'], single['y'], single['weight'] = *picture.place, 0.2
+    single['x'], single['y'], single['weight'] = *picture.place, weight
     picture.points = joined([picture.points, single], CLOUD_POINT)
     assert edge_map.follow(1) == (None, True)
     assert edge_map.path.nodes['point'][:, 0] == pytest.approx(-4e-3, abs=0.05e-3)

@@ -11,7 +11,7 @@ from tactile_servo.edge_map.path import nodes_from
 from tactile_servo.edge_map.picture import PadScale, Picture, read_picture
 from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of, retyped
 from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
-from tactile_servo.edge_map.tracing import local_line, on_path
+from tactile_servo.edge_map.tracing import nearest_line, on_path
 from tactile_servo.reasons import Reason, ReasonCode
 
 PICTURES = 10  # number of images whose points form the cloud
@@ -114,18 +114,13 @@ class EdgeMap:
         picture, cloud = self.picture, self._cloud
         may_close = may_close and (self.path is None or self.path.may_close)
         self._off_path, self.followed = 0, False
-        cosines = np.abs(cloud['way'] @ heading)
-        along = cosines > ROUGHLY_ALONG
-        if not along.any():
+        cosine = np.abs(cloud['way'] @ heading).max()
+        if cosine < ROUGHLY_ALONG:
             return Reason(ReasonCode.EDGE_LOST, (
-                f'it is {np.degrees(np.arccos(cosines.max())):.0f} degrees off the direction of '
+                f'it is {np.degrees(np.arccos(cosine)):.0f} degrees off the direction of '
                 "travel (at the start the pad's y), must be within 60")), False
-        place = cloud['place'][along]
-        # A single point, due to noise, is no line.
-        nearest_first = place[np.linalg.norm(place - picture.place, axis=1).argsort()]
-        line = next((line for line in (local_line(cloud, *at, *heading, self.scale.grain)
-                                       for at in nearest_first) if line.found), None)
-        if line is None:
+        line = nearest_line(cloud, picture.x, picture.y, *heading, self.scale.grain)
+        if not line.support:
             return ELSEWHERE, False
         start = nodes_of((line.x, line.y), line.z, (line.tx, line.ty))
         start['station'] = self.station

@@ -66,7 +66,7 @@ def way_over_gap(cloud: np.ndarray, last: np.ndarray, scale: PadScale) -> np.nda
         return None
     nearest = cloud['place'][on][ahead[on].argmin()]
     line = local_line(cloud, *nearest, *way, scale.grain)
-    if not line.found:
+    if not line.support:
         return None
     there = np.array([line.x, line.y])
     count = max(int(np.hypot(*(there - here)) / step), 1)

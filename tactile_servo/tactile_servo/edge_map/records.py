@@ -34,9 +34,9 @@ Record = Any
 
 
 class LocalLine(NamedTuple):
-    """Mean place (x, y, z) [m] and direction (tx, ty) of the ridge near a place, if found."""
+    """Mean place (x, y, z) [m] and direction (tx, ty) of the ridge near a place."""
 
-    found: bool
+    support: float  # sum of the weights of the points; 0 if there is no ridge
     x: float
     y: float
     z: float

@@ -16,6 +16,8 @@ AROUND = 1.0  # distance of a trace after which its nearby points are selected a
 
 SUPPORT = 0.3  # least sum of the weights of the points at a node
 SIDEWAYS = 0.5  # least cosine between the ridge at a point and the trace
+SINGLE = 0.5  # share of the largest support below which a point is due to noise
+LINE_ALONG, LINE_ASIDE = 2.0, 0.5  # grains, within which points are on the line of a point
 
 
 @njit(cache=True)
@@ -59,7 +61,7 @@ def trace(cloud: np.ndarray, start: np.ndarray, length: float, grain: float) -> 
         if not math.hypot(px - around_x, py - around_y) < AROUND * grain:
             around, around_x, around_y = _within(cloud, px, py, (AROUND + REACH) * grain), px, py
         line = local_line(around, px, py, tx, ty, grain)
-        if not line.found:
+        if not line.support:
             return nodes[:m].copy()
         along = (px - line.x) * line.tx + (py - line.y) * line.ty
         nx, ny = line.x + along * line.tx, line.y + along * line.ty
@@ -113,8 +115,33 @@ def local_line(cloud: np.ndarray, x: float, y: float, tx: float, ty: float,
         sy += sense * cloud[n].ty
     norm = math.hypot(sx, sy)
     if total < SUPPORT or norm == 0.0:
-        return LocalLine(False, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return LocalLine(True, x + mx / total, y + my / total, mz / total, sx / norm, sy / norm)
+        return LocalLine(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return LocalLine(total, x + mx / total, y + my / total, mz / total, sx / norm, sy / norm)
+
+
+@njit(cache=True)
+def nearest_line(cloud: np.ndarray, x: float, y: float, tx: float, ty: float,
+                 grain: float) -> LocalLine:
+    """
+    Return the mean line of the ridge along (tx, ty) that is nearest to a place.
+
+    Points with few others on their own line are due to noise, however near they are.
+    """
+    support = np.zeros(len(cloud))
+    for n in range(len(cloud)):
+        if abs(cloud[n].tx * tx + cloud[n].ty * ty) < SIDEWAYS:
+            continue
+        for m in range(len(cloud)):
+            dx, dy = cloud[m].x - cloud[n].x, cloud[m].y - cloud[n].y
+            along, aside = cloud[n].tx * dx + cloud[n].ty * dy, cloud[n].tx * dy - cloud[n].ty * dx
+            if abs(along) < LINE_ALONG * grain and abs(aside) < LINE_ASIDE * grain:
+                support[n] += cloud[m].weight
+    least, nearest, at = SINGLE * support.max(), np.inf, 0
+    for n in range(len(cloud)):
+        distance = math.hypot(cloud[n].x - x, cloud[n].y - y)
+        if support[n] >= least and distance < nearest:
+            nearest, at = distance, n
+    return local_line(cloud, cloud[at].x, cloud[at].y, tx, ty, grain)
 
 
 @njit(cache=True)
