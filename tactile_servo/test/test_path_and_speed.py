@@ -37,8 +37,9 @@ class Edge:
         return 0.0, 1.0
 
 
-def motion_on(edge, load=None, speed=0.2, slope=0.0):
-    sight = SimpleNamespace(edge=edge, load=load or Load(FORCE, 0.0254), slope=slope)
+def motion_on(edge, load=None, speed=0.2, slope=0.0, lifted=False):
+    sight = SimpleNamespace(
+        edge=edge, load=load or Load(FORCE, 0.0254), slope=slope, lifted=lifted)
     return edge_motion.EdgeMotion(EdgeFollowingConfig(), EdgeGoal(speed, FORCE), sight, 5e3)
 
 
@@ -72,11 +73,13 @@ def test_each_trouble_slows_it_down():
     assert top(coming=0.0127 / 2) == pytest.approx(0.5 * (0.2 + edge_motion.ENTRY))
 
 
-@pytest.mark.parametrize('end, speed', [
-    (PathEnd.VIEW, edge_motion.BLIND), (PathEnd.RIDGE, 0.2), (PathEnd.CLOSED, 0.2)])
-def test_speed_at_the_end_of_the_path(end, speed):
+@pytest.mark.parametrize('end, lifted, speed', [
+    (PathEnd.VIEW, False, edge_motion.BLIND), (PathEnd.RIDGE, False, 0.2),
+    (PathEnd.CLOSED, False, 0.2), (PathEnd.RIDGE, True, 0.0)])
+def test_speed_at_the_end_of_the_path(end, lifted, speed):
     seen = Edge(end)
-    motion_on(seen).along(SimpleNamespace(here=0.0, ahead=0.0, aside=(0.0, 0.0)), UNBOUNDED, DT)
+    stand = SimpleNamespace(here=0.0, ahead=0.0, aside=(0.0, 0.0))
+    motion_on(seen, lifted=lifted).along(stand, UNBOUNDED, DT)
     assert seen.end_speed == speed
 
 

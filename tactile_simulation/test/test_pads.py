@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 from puma_loop import ROOT
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tactile_servo.types import EdgeGoal
 from tactile_simulation.closed_loop import Simulation
+from tactile_simulation.edge_world import EdgeScene
 from tactile_simulation.scene import load_scene
 
 DEEP = 1.5  # pitches, the larger one of two
@@ -104,3 +106,32 @@ def test_the_unfelt_force_is_that_of_the_skin(stiffness):
     deeper[:3, 3] += 1e-4 * pose[:3, 2]
     law.sight.press.unexplained = 1e-4
     assert law.unfelt == pytest.approx(world.force(deeper) - world.force(pose), rel=0.1)
+
+
+@pytest.mark.parametrize('tilt', [-4.0, 0.0, 4.0])
+@pytest.mark.parametrize('tactels, pitch, stiffness, force', [
+    (16, 1.6, 5e5, 2.0), (8, 4.0, 2e5, 2.0)])
+def test_a_tilted_pad_turns_onto_the_edge(tmp_path, monkeypatch, tilt, tactels, pitch, stiffness,
+                                          force):
+    """It touches with one end alone; with its rear it sees the ridge end before its centre."""
+    path = tmp_path / 'scene.yaml'
+    path.write_text(f"""
+name: tilted
+description: A straight edge.
+edge: {{start: [0.36, -0.08, 0.15], heading: 90, path: [{{straight: 0.1}}]}}
+skin: {{depth: 0.002, stiffness: {stiffness}}}
+sensor: {{rows: {tactels}, columns: {tactels}, pitch_x: {pitch}e-3, pitch_y: {pitch}e-3}}
+start: {{s: 0.03, height: 0.006, offset: 0.001}}
+""")
+    scene = load_scene(path)
+    pose = scene.start_pose()
+    pose[:3, :3] @= Rotation.from_euler('x', tilt, degrees=True).as_matrix()
+    monkeypatch.setattr(EdgeScene, 'start_pose', lambda _: pose)
+    simulation = Simulation(scene, 'trace', seed=1)
+    goal = EdgeGoal(0.05, force)
+    simulation.run(goal, 30.0)
+    summary = simulation.summary(goal)
+    assert summary['ok'] and summary['reason'] == 'the edge ended', summary['reason']
+    assert summary['lateral_rms'] < 0.03e-3 and summary['force_max'] < 1.4 * force
+    along = simulation.pose[:3, :3] @ [0.0, 1.0, 0.0]
+    assert abs(np.degrees(np.arcsin(along[2]))) < 0.5

@@ -24,6 +24,7 @@ UNKNOWN_NOISE = 1e-2  # share of the highest pressure, for a sensor that does no
 # A ridge shows how the pad is pressed if it is central, long and straight. In half pads: largest
 # distance of its centre, least standard deviation along it; in depths: largest misfit.
 CENTRAL, LONG, ROUGH = 0.3, 0.4, 0.2
+LIFTED = 0.5  # share of the mean indentation below which a ridge ends because the pad is tilted
 
 
 class PadScale(NamedTuple):
@@ -154,6 +155,23 @@ def indentation_of(points: np.ndarray, pose: np.ndarray,
              and misfit < ROUGH * depth)
     way = to_own.T @ np.array([rise * along[0], rise * along[1], 1.0])
     return found, depth, way / math.sqrt(way @ way)
+
+
+def slope_where_lifted(picture: Picture, way: np.ndarray) -> float:
+    """
+    Return the slope along `way` (2,) in the plane of a ridge from which a tilted pad lifts off.
+
+    NaN if the indentation does not fall to zero towards the end of the ridge: then the edge ends.
+    """
+    points, normal = picture.points, picture.pose[:3, 2]
+    place = np.column_stack([points['x'], points['y'], points['z']])
+    along, indentation = place[:, :2] @ way, (picture.pose[:3, 3] - place) @ normal
+    weights = points['weight'] / points['weight'].sum()
+    along -= weights @ along
+    spread = weights @ along**2
+    fall, slope = (weights * along) @ np.column_stack([indentation, place[:, 2]]) / spread
+    mean, beyond = weights @ indentation, along.max() + picture.scale.grain
+    return slope if mean + fall * beyond < LIFTED * mean else math.nan
 
 
 @njit(cache=True)

@@ -146,8 +146,9 @@ class EdgeFollowing:
         lacking, touching = self.lacks(now), load >= self.servo.approach.contact_force
         # A lightly pressed pad touches only the highest part, so the edge seems to end early.
         self._pressed = self._pressed or self.sight.load.force >= PRESSED * self.goal.force
+        tilted = self.sight.lifted and isinstance(self._mode, Following) and lacking is None
         if path.end is PathEnd.RIDGE and self._ahead >= path.tip - END_MARGIN * scale.grain and (
-                self._pressed or lacking is not None):
+                self._pressed or lacking is not None) and not tilted:
             return self._at_end(progress, touching)
         self._coasting = Coasting()
         if lacking is None:

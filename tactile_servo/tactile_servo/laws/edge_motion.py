@@ -109,8 +109,10 @@ class EdgeMotion:
         top *= caution(max(pressed, 1.0) if may_lift else pressed, off)
         top = min(top, AGILE * NORMAL / max(abs(self.sight.slope), 1e-9))  # on a slope
         most = min(self.config.speed.acceleration, robot.across())
-        top = edge.speed_limit(place.ahead, top, AGILE * most,
-                               BLIND if edge.path.end is PathEnd.VIEW else top,
+        end_speed = BLIND if edge.path.end is PathEnd.VIEW else top
+        if self.sight.lifted and not may_lift:
+            end_speed = 0.0  # turn onto the edge first
+        top = edge.speed_limit(place.ahead, top, AGILE * most, end_speed,
                                self.config.path.corner_cut, settle=CORNER_SETTLE)
         self.speed = speed = min(top, self.speed + AGILE * most * dt)
         ux, uy = edge.way(place.ahead, place.ahead + LOOK_AHEAD * scale.grain + speed * dt)

@@ -9,13 +9,15 @@ from tactile_sensing.types.contact import Contact, ContactType
 from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.stability import AGE_SHARE
 from tactile_servo.edge_map.edge_map import EdgeMap, NO_RIDGE
-from tactile_servo.edge_map.picture import indentation_of
+from tactile_servo.edge_map.picture import indentation_of, slope_where_lifted
+from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.law import Observation
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, TaskError
 
 # Largest difference of the force of a fitted line from the sum of the pressures, as a share
 FIT_DIFFERENCE = 0.1
+LEVEL = 3  # successive images in which the pad does not lift off, after which it is level
 
 
 class Load(NamedTuple):
@@ -44,8 +46,14 @@ class EdgeSight:
         # At the newest image: height of the pad along the plane's normal and its station on the
         # path [m], and slope of the edge along the path against the plane.
         self.height = self.station = self.slope = 0.0
+        self._level = 0  # successive images in motion in which the pad does not lift off
         self.load, self.press = Load(), PressCheck()
         self.error: TaskError | None = None
+
+    @property
+    def lifted(self) -> bool:
+        """Whether the ridge may end because the pad was tilted when it touched."""
+        return self._level < LEVEL
 
     def refine(self, observation: Observation, contact: Contact) -> None:
         """Take the force of a contact's fitted line, which is more accurate than a sum."""
@@ -79,6 +87,7 @@ class EdgeSight:
         if edge.followed:
             lateral, angle, length, slope = edge.at_picture(
                 direction, edge.station if begun else ahead)
+            slope = self._slope_at_start(slope, anew)
         self.load = Load(picture.force, length, picture.coming)
         if self.problem is None:
             self.shown, self.station = observation.arrival, edge.station
@@ -90,3 +99,15 @@ class EdgeSight:
         elif self.error is not None:
             self.error = self.error._replace(force=picture.force)
         return begun
+
+    def _slope_at_start(self, slope: float, anew: bool) -> float:
+        """Return the slope of the edge, also for a pad that touches it with its rear alone."""
+        if not self.lifted:
+            return slope
+        tilted = (slope_where_lifted(self.edge.picture, self.edge.path.nodes['way'][-1])
+                  if self.edge.path.end is PathEnd.RIDGE and self.problem is None else math.nan)
+        if math.isnan(tilted):
+            self._level += not anew
+            return slope
+        self._level = 0
+        return tilted
