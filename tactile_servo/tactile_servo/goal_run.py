@@ -35,6 +35,7 @@ NEAR = 5.0  # times `following_distance`: only a robot this near is sent to its 
 BESIDE = 0.1  # largest share of images beside the tracked feature for a success
 SLIGHT = 0.1  # times `following_distance`: a command by less than this counts as no motion
 LONGEST_PAUSE = 3600.0  # s
+TEST_AGAIN = 5e-3  # m, tracked length between two tests of the sensor
 # Time within which a hold ends by itself when its cause goes away [s]; people near the robot still
 # remember that it moved. After a longer one the pad lifts off and the robot waits to be asked.
 RESUME_WITHIN = 0.5
@@ -63,7 +64,7 @@ class GoalRun:
         self.reference: Reference | None = None  # last one of the law, while it moves the pad
         self.observed = -np.inf  # steady time of the law's last observation [s]
         self.success = False  # whether the goal was reached
-        self._unfelt = 0.0  # largest unfelt force of the law so far [N]
+        self._unfelt = 0.0  # largest unfelt force of the law since the last test [N]
         self.hold = Hold(Phase.APPROACH, Reason(ReasonCode.NONE), -np.inf)
         self._config, self._law, self._inputs, self._motion = config, law, inputs, motion
         self._way = NormalWay(config, goal, law, inputs, motion)
@@ -71,7 +72,7 @@ class GoalRun:
         self._longest = time_limits(config, goal)
         self._spent: dict[State, float] = defaultdict(float)
         self._paused, self._outcome = False, self.reason
-        self._tested = not config.self_test
+        self._tested, self._tested_at = not config.self_test, 0.0  # at a tracked length [m]
         # Of this cycle: steady time, period, time since the previous cycle [s], why the robot must
         # stand still, what must be observed before a hold ends, and the assessment of the law.
         self._now, self._dt, self._gap = now, 0.0, 0.0
@@ -123,7 +124,8 @@ class GoalRun:
     def _count_way(self) -> None:
         """Add the distance since the last cycle to the statistics."""
         phase, reference = self.phase, self.reference
-        braking = phase is Phase.SETTLING and self.hold.after in TRACKING
+        braking = (phase is Phase.SETTLING and self.hold.after in TRACKING
+                   or phase is Phase.TEST and self._tested)
         if reference is not None and (phase in TRACKING or braking):
             self.statistics.move(self._inputs.pose, reference.heading,
                                  phase in TRACKING and phase is not Phase.SEARCH)
@@ -256,7 +258,10 @@ class GoalRun:
 
     def _fails_test(self) -> Reason | None:
         problem = self._way.test_problem()
-        return Reason(ReasonCode.SELF_TEST, problem) if problem else None
+        if not problem:
+            return None
+        return Reason(ReasonCode.TOO_DEEP, f'by {self._unfelt:.1f} N: {problem}') if (
+            self._tested) else Reason(ReasonCode.SELF_TEST, problem)
 
     def _passes_test(self) -> Reason | None:
         return Reason(ReasonCode.CONTACT) if self._way.tested else None
@@ -279,6 +284,14 @@ class GoalRun:
             return None
         return Reason(ReasonCode.TOO_DEEP, f'by {unfelt:.1f} N; the object gives way, the sensor '
                       'measures too little, or the stiffness is too high')
+
+    def _seems_too_deep(self) -> Reason | None:
+        """Check whether the sensor must be tested again: it may be mounted with a tilt instead."""
+        unfelt, since = self._law.unfelt, self.statistics.tracked_length - self._tested_at
+        able = (self._config.self_test and self._law.even and since > TEST_AGAIN
+                and not self._inputs.saturated)
+        return Reason(ReasonCode.CONTACT, f'tested again, by its depth {unfelt:.1f} N are not felt'
+                      ) if able and doubted(unfelt, self.goal.force) else None
 
     def _presses_too_deep(self) -> Reason | None:
         return Reason(ReasonCode.TOO_DEEP, f'{1e3 * PRESS_DEPTH:g} mm, without the force') if (
@@ -371,8 +384,12 @@ class GoalRun:
         """Change the phase, or only its reason."""
         if phase is Phase.TEST:
             self._way.begin_test()
+            self._tested_at = self.statistics.tracked_length
         elif phase is Phase.TRACK and self.phase in APPROACHING:
             self._way.touch()
+            if self._tested and self.phase is Phase.TEST:
+                self._unfelt = 0.0
+                self._law.resume()
             self._tested = True
         elif phase is Phase.SEARCH:
             self._way.begin()
@@ -493,6 +510,7 @@ RULES: tuple[tuple[Set[Phase], Guard, Next], ...] = (
     (TRACKING, lambda run: run._law_says(State.HOLD), GoalRun._begin_hold),
     (TRACKING, GoalRun._law_fails, GoalRun._lift),
     (TRACKING, lambda run: run._law_says(State.DONE), GoalRun._end),
+    ({Phase.TRACK}, GoalRun._seems_too_deep, Phase.TEST),
     (TRACKING - {Phase.SEARCH}, GoalRun._too_deep, GoalRun._lift),
     (TRACKING, GoalRun._presses_too_deep, GoalRun._lift),
     (TRACKING, lambda run: run._law_says(State.TRACK), Phase.TRACK),

@@ -98,6 +98,7 @@ class ServoLaw(Protocol):
     goal_type: ClassVar[type]
     config_type: ClassVar[type]
     sees_images: ClassVar[bool]  # whether it observes images in addition to contacts
+    even: ClassVar[bool]  # whether the stiffness that it knows is the same all the way
     near: ClassVar[float]  # lateral error [tactels] above which an image counts as beside
 
     @property

@@ -1,5 +1,7 @@
 """Motion of the pad along its normal: approach, press and retreat."""
 
+import math
+
 import numpy as np
 
 from tactile_servo.config import MAX_STAMP_AGE, ServoConfig
@@ -25,6 +27,7 @@ class NormalWay:
         self._inputs, self._motion = inputs, motion
         self._touched, self._lift = False, config.retreat.distance
         self._test: PressTest | None = None
+        self._first = math.nan  # slope measured by the first test
         self.begin()
 
     def begin(self) -> None:
@@ -67,13 +70,21 @@ class NormalWay:
         return np.array([0.0, 0.0, speed, 0.0, 0.0, 0.0])
 
     def begin_test(self) -> None:
-        """Record a touch and begin the press test of the sensor."""
+        """Record a touch and begin the first or another press test of the sensor."""
         self.touch()
-        self._test = PressTest(self._goal.force, self._inputs.load, self._law.depth)
+        load = self._inputs.load
+        if self._test is not None:
+            # The pad is pressed already. All later tests are compared with the first one.
+            load, self._first = 0.0, self._test.slope if math.isnan(self._first) else self._first
+        self._test = PressTest(self._goal.force, load, self._law.depth)
 
     def test(self, dt: float) -> np.ndarray:
         """Compute the twist of the pad (6,) in the press test, for a cycle of `dt` [s]."""
         assert self._test is not None and self._inputs.contact is not None
+        twist = self._slowed(dt)
+        if twist[:2].any():  # a pad that follows stops first
+            twist[2] = 0.0
+            return twist
         stamp = self._inputs.contact.stamp_ns
         pose = self._inputs.pose_at(stamp)
         if pose is not None:
@@ -89,7 +100,7 @@ class NormalWay:
         if not self._test.pressed and self.advance > deepest:
             problem = f'{1e3 * self.advance:.1f} mm deeper, {self._inputs.load:.1f} N are felt'
         else:
-            problem = self._test.problem() if self._test.over else ''
+            problem = self._test.problem(self._first) if self._test.over else ''
         return problem + ', with saturated tactels' * (saturated and problem != '')
 
     @property
@@ -104,11 +115,14 @@ class NormalWay:
         Motion in the other directions slows down gradually. If all motion had to stop at once,
         the joint limits would delay the motion along the normal as well.
         """
-        twist = self._motion.twist
-        beside = np.hypot(twist[0], twist[1])
-        twist *= max(1.0 - self._motion.across() * dt / max(beside, 1e-9), 0.0)
+        twist = self._slowed(dt)
         twist[2] = 0.0 if self.lifted else -self._config.approach.speed
         return twist
+
+    def _slowed(self, dt: float) -> np.ndarray:
+        twist = self._motion.twist
+        beside = np.hypot(twist[0], twist[1])
+        return twist * max(1.0 - self._motion.across() * dt / max(beside, 1e-9), 0.0)
 
     def _careful_speed(self) -> float:
         """

@@ -39,7 +39,16 @@ def test_a_sensor_that_does_not_is_named(told):
 
 def test_noise_that_hides_the_answer_proves_nothing():
     test, _ = pressed(lambda depth: 3.5, 2.0)
-    assert test.problem() == ''
+    assert test.problem() == '' and '1.5 at first' in test.problem(1.5)
+
+
+@pytest.mark.parametrize('factor, noise, passes', [
+    (1.5, 0.05, True), (1.4, 0.05, True), (1.2, 0.05, False), (2.0, 0.05, False),
+    (1.5, 1.0, False)])
+def test_a_later_test_proves_that_the_answer_has_not_changed(factor, noise, passes):
+    test, _ = pressed(lambda depth: factor * STIFFNESS * depth, noise)
+    assert (test.problem(1.5) == '') == passes
+    assert test.slope == pytest.approx(factor, rel=0.02 if noise < 1.0 else 1.0)
 
 
 def test_a_pad_that_was_not_moved_is_named():

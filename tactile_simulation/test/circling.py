@@ -29,7 +29,7 @@ class Circling:
     """Once round a point of a plane."""
 
     name, goal_type, config_type = 'circling', SurfaceGoal, CirclingConfig
-    sees_images, near, touch, unfelt = False, math.inf, None, 0.0
+    sees_images, even, near, touch, unfelt = False, True, math.inf, None, 0.0
 
     def __init__(self, servo, config=None):
         self.servo, self.config, self.error = servo, config or CirclingConfig(), None

@@ -5,6 +5,7 @@ import json
 import numpy as np
 from puma_loop import coarse_scene
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tactile_common.errors import ConfigurationError
 from tactile_servo.config import ApproachConfig, RetreatConfig, ServoConfig
@@ -44,13 +45,31 @@ LAWS_ON_SCENES = pytest.mark.parametrize('scene, law', [
     pytest.param('straight', 'resolved_rate', marks=pytest.mark.long)])
 
 
+@pytest.mark.parametrize('law, speed, tilt', [
+    ('trace', 0.1, 0.5), ('trace', 0.05, 3.0), ('resolved_rate', 0.05, 1.0),
+    pytest.param('trace', 0.03, 2.0, marks=pytest.mark.long)])
+def test_a_sensor_that_is_mounted_with_a_tilt_is_tested_again(law, speed, tilt):
+    """The robot believes that it moves deeper, without a larger force."""
+    simulation = Simulation(scene_of('straight'), law)
+    turn, render, force = np.eye(4), simulation.world.render, simulation.world.force
+    turn[:3, :3] = Rotation.from_euler('x', tilt, degrees=True).as_matrix()
+    simulation.world.render = lambda pose: render(pose @ turn)
+    simulation.world.force = lambda pose: force(pose @ turn)
+    goal = EdgeGoal(speed, FORCE, length=0.12)
+    simulation.run(goal, 40.0)
+    summary = simulation.summary(goal)
+    assert summary['ok'] and summary['reason_code'] == 'length_reached', summary['reason']
+    assert summary['force_max'] < 1.1 * FORCE
+    assert any('tested again' in cycle.status.reason.text for cycle in simulation.log)
+
+
 @LAWS_ON_SCENES
 @pytest.mark.parametrize('fault, reasons', [
     ('zero@0', {'sensor_silent'}),
     ('frozen@1.5', {'sensor_silent'}),
     ('half_dead@1.5', {'sensor_silent', 'too_deep'}),
     ('middle_dead@1.5', {'sensor_silent', 'too_deep'}),
-    ('gain@2=0.3', {'too_deep'}),
+    ('gain@2=0.3', {'too_deep', 'sensor_silent'}),  # noise falls with the gain
     ('drift@1.5=-5000', {'sensor_drifted'}),
 ])
 def test_a_sensor_that_lies_is_not_pressed(scene, law, fault, reasons):
@@ -58,6 +77,12 @@ def test_a_sensor_that_lies_is_not_pressed(scene, law, fault, reasons):
     _, summary = run(scene, goal, fault, law=law)
     assert not summary['ok'] and summary['reason_code'] in reasons
     assert summary['force_max'] < MOST and summary['force_end'] == 0.0
+
+
+def test_a_gain_that_falls_by_a_third_is_found_by_another_test():
+    _, summary = run('straight', EdgeGoal(0.03, FORCE), 'gain@2=0.7')
+    assert summary['reason_code'] == 'too_deep' and '1 at first' in summary['reason']
+    assert summary['force_max'] < 1.3 * FORCE and summary['tracked_length'] < 0.04
 
 
 def test_gain_that_fades_is_no_edge_that_descends():

@@ -15,6 +15,7 @@ TOUCHING = 0.2  # share of the test's force; with less the pad may have lost con
 SURE = 3.0  # standard deviations of the measured slope that the decision allows for
 LASTING = 0.4  # s, duration of release and return
 UNLIKE = 3.0  # factor between measured and predicted change of the force above which it fails
+UNLIKE_FIRST = 1.15  # factor between the changes in this and in the first test
 
 
 class PressTest:
@@ -31,6 +32,7 @@ class PressTest:
         self._aim = self._least + SURPLUS * force
         self._expected = depth(self._least) - depth(load)
         self.pressed, self._release, self._lasted = False, 0.0, 0.0
+        self.slope = math.nan  # measured change of the force, as a share of the predicted one
         self._way: dict[int, tuple[float, float]] = {}  # advance and load, by stamp
 
     @property
@@ -67,8 +69,12 @@ class PressTest:
         turn = 2.0 * math.pi / LASTING
         return -0.5 * self._release * turn * math.sin(turn * self._lasted)
 
-    def problem(self) -> str:
-        """Return what contradicts the stiffness, '' if nothing does."""
+    def problem(self, first: float = math.nan) -> str:
+        """
+        Return what contradicts the stiffness, '' if nothing does.
+
+        With the slope of a `first` test, which proved the sensor, this one must prove it too.
+        """
         # Depths are computed only now: pressing may have brought more of the edge under the pad.
         way = np.array([(advance, self._depth(load)) for advance, load in self._way.values()
                         if load > TOUCHING * self._least])
@@ -78,9 +84,12 @@ class PressTest:
         square = float(actual @ actual)
         if square == 0.0:
             return 'the pad was not seen to be released'
-        slope = float(actual @ shown) / square
+        self.slope = slope = float(actual @ shown) / square
         left = shown - slope * actual
         doubt = SURE * math.sqrt(float(left @ left) / (len(way) - 2) / square)
-        if slope + doubt < 1.0 / UNLIKE or slope - doubt > UNLIKE:
-            return f'the force changes by {slope:.2g} of what the stiffness says'
-        return ''
+        changes = f'the force changes by {slope:.2g} of what the stiffness says'
+        if math.isnan(first):
+            wrong = slope + doubt < 1.0 / UNLIKE or slope - doubt > UNLIKE
+            return changes if wrong else ''
+        sure = first / UNLIKE_FIRST < slope - doubt and slope + doubt < first * UNLIKE_FIRST
+        return '' if sure else f'{changes}, {first:.2g} at first'

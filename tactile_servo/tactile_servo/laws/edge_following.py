@@ -54,6 +54,7 @@ class EdgeFollowing:
     goal_type: ClassVar[type] = EdgeGoal
     config_type: ClassVar[type] = EdgeFollowingConfig
     sees_images: ClassVar[bool] = True
+    even: ClassVar[bool] = True
     near: ClassVar[float] = 1.0
     touch: Touch | None = None
 

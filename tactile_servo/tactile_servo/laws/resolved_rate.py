@@ -118,6 +118,7 @@ class ResolvedRate:
     goal_type: ClassVar[type] = EdgeGoal
     config_type: ClassVar[type] = ResolvedRateConfig
     sees_images: ClassVar[bool] = False
+    even: ClassVar[bool] = True
     near: ClassVar[float] = 1.0
     touch: Touch | None = None
     goal: EdgeGoal  # set by `begin`

@@ -92,6 +92,7 @@ class SurfaceFollowing:
     goal_type: ClassVar[type] = SurfaceGoal
     config_type: ClassVar[type] = SurfaceConfig
     sees_images: ClassVar[bool] = True
+    even: ClassVar[bool] = False  # on the rim of a step it is less
     near: ClassVar[float] = math.inf  # a contact may be anywhere on the pad
     # Set by `begin`:
     goal: SurfaceGoal
