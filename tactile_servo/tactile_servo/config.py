@@ -94,8 +94,8 @@ class ServoConfig:
     input: InputConfig = field(default_factory=InputConfig)
     hold: HoldConfig = field(default_factory=HoldConfig)
     self_test: bool = documented(
-        True, 'press and release the pad once as it has touched, and compare with its stiffness, '
-        'before it moves along anything')
+        True, 'press and release the pad as it has touched, and compare with its stiffness, '
+        'before it moves along anything; on edges again where it seems to be too deep')
 
 
 def check_goal(speed: float, force: float, config: ServoConfig) -> None:

@@ -288,7 +288,8 @@ class GoalRun:
     def _seems_too_deep(self) -> Reason | None:
         """Check whether the sensor must be tested again: it may be mounted with a tilt instead."""
         unfelt, since = self._law.unfelt, self.statistics.tracked_length - self._tested_at
-        able = (self._config.self_test and self._law.even and since > TEST_AGAIN
+        # Without a first test there is nothing to compare with.
+        able = (self._way.tested and self._law.even and since > TEST_AGAIN
                 and not self._inputs.saturated)
         return Reason(ReasonCode.CONTACT, f'tested again, by its depth {unfelt:.1f} N are not felt'
                       ) if able and doubted(unfelt, self.goal.force) else None
@@ -510,8 +511,8 @@ RULES: tuple[tuple[Set[Phase], Guard, Next], ...] = (
     (TRACKING, lambda run: run._law_says(State.HOLD), GoalRun._begin_hold),
     (TRACKING, GoalRun._law_fails, GoalRun._lift),
     (TRACKING, lambda run: run._law_says(State.DONE), GoalRun._end),
-    ({Phase.TRACK}, GoalRun._seems_too_deep, Phase.TEST),
     (TRACKING - {Phase.SEARCH}, GoalRun._too_deep, GoalRun._lift),
+    ({Phase.TRACK}, GoalRun._seems_too_deep, Phase.TEST),
     (TRACKING, GoalRun._presses_too_deep, GoalRun._lift),
     (TRACKING, lambda run: run._law_says(State.TRACK), Phase.TRACK),
     (TRACKING, lambda run: run._law_says(State.CORNER), Phase.CORNER),

@@ -78,8 +78,8 @@ def test_each_trouble_slows_it_down():
     (PathEnd.CLOSED, False, 0.2), (PathEnd.RIDGE, True, 0.0)])
 def test_speed_at_the_end_of_the_path(end, lifted, speed):
     seen = Edge(end)
-    stand = SimpleNamespace(here=0.0, ahead=0.0, aside=(0.0, 0.0))
-    motion_on(seen, lifted=lifted).along(stand, UNBOUNDED, DT)
+    place = SimpleNamespace(here=0.0, ahead=0.0, aside=(0.0, 0.0))
+    motion_on(seen, lifted=lifted).along(place, UNBOUNDED, DT)
     assert seen.end_speed == speed
 
 
