@@ -7,7 +7,7 @@ import numpy as np
 
 from tactile_servo.clocks import CycleClock
 from tactile_servo.config import PRESS_DEPTH, ServoConfig
-from tactile_servo.control.press_check import doubted, most_unfelt
+from tactile_servo.control.press_check import most_doubted, most_unfelt, SLOPE_ERROR
 from tactile_servo.following import apart, Following
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Assessment, Goal, Reference, ServoLaw
@@ -35,7 +35,7 @@ NEAR = 5.0  # times `following_distance`: only a robot this near is sent to its 
 BESIDE = 0.1  # largest share of images beside the tracked feature for a success
 SLIGHT = 0.1  # times `following_distance`: a command by less than this counts as no motion
 LONGEST_PAUSE = 3600.0  # s
-TEST_AGAIN = 5e-3  # m, tracked length between two tests of the sensor
+TEST_AGAIN = 2e-3  # m, least way after which the sensor is tested again
 # Time within which a hold ends by itself when its cause goes away [s]; people near the robot still
 # remember that it moved. After a longer one the pad lifts off and the robot waits to be asked.
 RESUME_WITHIN = 0.5
@@ -72,7 +72,7 @@ class GoalRun:
         self._longest = time_limits(config, goal)
         self._spent: dict[State, float] = defaultdict(float)
         self._paused, self._outcome = False, self.reason
-        self._tested, self._tested_at = not config.self_test, 0.0  # at a tracked length [m]
+        self._tested = not config.self_test
         # Of this cycle: steady time, period, time since the previous cycle [s], why the robot must
         # stand still, what must be observed before a hold ends, and the assessment of the law.
         self._now, self._dt, self._gap = now, 0.0, 0.0
@@ -260,11 +260,18 @@ class GoalRun:
         problem = self._way.test_problem()
         if not problem:
             return None
-        return Reason(ReasonCode.TOO_DEEP, f'by {self._unfelt:.1f} N: {problem}') if (
+        return Reason(ReasonCode.TOO_DEEP, f'tested again, {problem}') if (
             self._tested) else Reason(ReasonCode.SELF_TEST, problem)
 
     def _passes_test(self) -> Reason | None:
-        return Reason(ReasonCode.CONTACT) if self._way.tested else None
+        if not self._way.tested:
+            return None
+        press, detail = self._law.press, ''
+        if self._tested and press is not None:
+            about_x, about_y = np.degrees(press.tilt)
+            detail = ('the sensor is sound; it seems to be mounted with a tilt of '
+                      f'{about_x:.1f}, {about_y:.1f} degrees about its x, y')
+        return Reason(ReasonCode.CONTACT, detail)
 
     def _touches_nothing_to_track(self) -> Reason | None:
         lacking, since = self._law.lacks(self._now), self._since
@@ -287,12 +294,21 @@ class GoalRun:
 
     def _seems_too_deep(self) -> Reason | None:
         """Check whether the sensor must be tested again: it may be mounted with a tilt instead."""
-        unfelt, since = self._law.unfelt, self.statistics.tracked_length - self._tested_at
+        law, press, force = self._law, self._law.press, self.goal.force
         # Without a first test there is nothing to compare with.
-        able = (self._way.tested and self._law.even and since > TEST_AGAIN
-                and not self._inputs.saturated)
-        return Reason(ReasonCode.CONTACT, f'tested again, by its depth {unfelt:.1f} N are not felt'
-                      ) if able and doubted(unfelt, self.goal.force) else None
+        if press is None or not self._way.tested or self._inputs.saturated or (
+                np.hypot(*press.way) <= TEST_AGAIN):
+            return None
+        most = most_doubted(force)
+        # The other way round, a tilt would hide a gain that fades.
+        least = law.depth(force) - law.depth(force + most)
+        grown, shrunk = law.unfelt > most, press.drift + SLOPE_ERROR * press.path < least
+        differs = law.even and grown or press.steady and (grown or shrunk)
+        return Reason(ReasonCode.CONTACT, 'tested again, the depth has grown by '
+                      f'{1e3 * press.drift:.2g} mm more than felt') if differs else None
+
+    def _halted(self) -> Reason | None:
+        return self.reason if self.reference is not None and self.reference.speed <= 0.0 else None
 
     def _presses_too_deep(self) -> Reason | None:
         return Reason(ReasonCode.TOO_DEEP, f'{1e3 * PRESS_DEPTH:g} mm, without the force') if (
@@ -332,7 +348,7 @@ class GoalRun:
         if beside > BESIDE:
             return f"but {100.0 * beside:.0f} % of the images saw it beside the pad's centre"
         return f'but by its depth the pad pressed {unfelt:.1f} N harder than the images show' if (
-            doubted(unfelt, self.goal.force)) else ''
+            unfelt > most_doubted(self.goal.force)) else ''
 
     def _lifted(self) -> Reason | None:
         return self.reason if self._way.lifted and self._motion.standing else None
@@ -342,7 +358,7 @@ class GoalRun:
     def _begin_hold(self, reason: Reason) -> Phase:
         phase, of_law = self.phase, reason is not self._why
         after = (Phase.APPROACH if phase in APPROACHING else
-                 Phase.TRACK if phase is Phase.CORNER or of_law else phase)
+                 Phase.TRACK if phase in (Phase.CORNER, Phase.HALT) or of_law else phase)
         self.hold = Hold(after, reason, self._now - self._gap, of_law=of_law,
                          bound=self._gap > RESUME_WITHIN)
         self._moving = max(self._moving, self._now)
@@ -383,9 +399,12 @@ class GoalRun:
 
     def _enter(self, phase: Phase, reason: Reason) -> None:
         """Change the phase, or only its reason."""
-        if phase is Phase.TEST:
+        if phase is Phase.HALT:
+            self._law.halt()
+        elif phase is Phase.TEST:
             self._way.begin_test()
-            self._tested_at = self.statistics.tracked_length
+            if self._tested and self._law.press is not None:
+                self._law.press.learn()  # if the test fails, the goal ends
         elif phase is Phase.TRACK and self.phase in APPROACHING:
             self._way.touch()
             if self._tested and self.phase is Phase.TEST:
@@ -512,11 +531,12 @@ RULES: tuple[tuple[Set[Phase], Guard, Next], ...] = (
     (TRACKING, GoalRun._law_fails, GoalRun._lift),
     (TRACKING, lambda run: run._law_says(State.DONE), GoalRun._end),
     (TRACKING - {Phase.SEARCH}, GoalRun._too_deep, GoalRun._lift),
-    ({Phase.TRACK}, GoalRun._seems_too_deep, Phase.TEST),
+    ({Phase.TRACK}, GoalRun._seems_too_deep, Phase.HALT),
+    ({Phase.HALT}, GoalRun._halted, Phase.TEST),
     (TRACKING, GoalRun._presses_too_deep, GoalRun._lift),
-    (TRACKING, lambda run: run._law_says(State.TRACK), Phase.TRACK),
-    (TRACKING, lambda run: run._law_says(State.CORNER), Phase.CORNER),
-    (TRACKING, lambda run: run._law_says(State.SEARCH), Phase.SEARCH),
+    (TRACKING - {Phase.HALT}, lambda run: run._law_says(State.TRACK), Phase.TRACK),
+    (TRACKING - {Phase.HALT}, lambda run: run._law_says(State.CORNER), Phase.CORNER),
+    (TRACKING - {Phase.HALT}, lambda run: run._law_says(State.SEARCH), Phase.SEARCH),
 )
 _RULES_OF = {phase: [(guard, following) for phases, guard, following in RULES if phase in phases]
              for phase in Phase}

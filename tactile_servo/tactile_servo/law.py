@@ -10,6 +10,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig
+from tactile_servo.control.press_check import PressCheck
 from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import State, TaskError
@@ -107,6 +108,8 @@ class ServoLaw(Protocol):
     @property
     def unfelt(self) -> float: ...  # force implied by the depth beyond the measured force [N]
     @property
+    def press(self) -> PressCheck | None: ...  # None if the law has none
+    @property
     def touch(self) -> Touch | None: ...  # newest, if the law maps a surface; else None
     @property
     def error(self) -> TaskError | None: ...  # last observed; None before the first observation
@@ -121,6 +124,9 @@ class ServoLaw(Protocol):
 
     def begin(self, goal: Any, sensor: SensorInfo) -> None:
         """Forget the last goal and start a new one; ConfigurationError if the sensor is unfit."""
+
+    def halt(self) -> None:
+        """Stop along the path and keep the force, until `resume`."""
 
     def resume(self) -> None:
         """Continue from a standstill with the knowledge so far."""

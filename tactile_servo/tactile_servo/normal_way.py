@@ -72,11 +72,9 @@ class NormalWay:
     def begin_test(self) -> None:
         """Record a touch and begin the first or another press test of the sensor."""
         self.touch()
-        load = self._inputs.load
-        if self._test is not None:
-            # The pad is pressed already. All later tests are compared with the first one.
-            load, self._first = 0.0, self._test.slope if math.isnan(self._first) else self._first
-        self._test = PressTest(self._goal.force, load, self._law.depth)
+        if self._test is not None and math.isnan(self._first):
+            self._first = self._test.slope
+        self._test = PressTest(self._goal.force, self._inputs.load, self._law.depth, self._first)
 
     def test(self, dt: float) -> np.ndarray:
         """Compute the twist of the pad (6,) in the press test, for a cycle of `dt` [s]."""
@@ -100,7 +98,7 @@ class NormalWay:
         if not self._test.pressed and self.advance > deepest:
             problem = f'{1e3 * self.advance:.1f} mm deeper, {self._inputs.load:.1f} N are felt'
         else:
-            problem = self._test.problem(self._first) if self._test.over else ''
+            problem = self._test.problem() if self._test.over else ''
         return problem + ', with saturated tactels' * (saturated and problem != '')
 
     @property

@@ -13,6 +13,7 @@ class Phase(Enum):
     APPROACH = auto()
     TEST = auto()  # approach: after the touch, the pad presses and releases once
     TRACK = auto()
+    HALT = auto()  # track: the pad stops, to be tested again
     CORNER = auto()
     SEARCH = auto()
     RETREAT = auto()
@@ -31,13 +32,15 @@ class Phase(Enum):
 
 HELD = frozenset({Phase.SETTLING, Phase.WAITING, Phase.ASKED, Phase.UNLOADING})
 STANDING = frozenset({Phase.WAITING, Phase.ASKED})
-TRACKING = frozenset({Phase.TRACK, Phase.CORNER, Phase.SEARCH})  # the law moves the sensor
+# The law moves the sensor.
+TRACKING = frozenset({Phase.TRACK, Phase.HALT, Phase.CORNER, Phase.SEARCH})
 APPROACHING = frozenset({Phase.APPROACH, Phase.TEST})
 TOUCHING = TRACKING | APPROACHING
 MOVING = TOUCHING | {Phase.RETREAT}
 LIFTING = frozenset({Phase.RETREAT, Phase.UNLOADING})  # these need only the pose, no image
 _STATES = {phase: State.HOLD if phase in HELD | {Phase.STOPPING} else
-           State.APPROACH if phase is Phase.TEST else State[phase.name] for phase in Phase}
+           State.APPROACH if phase is Phase.TEST else State.TRACK if phase is Phase.HALT
+           else State[phase.name] for phase in Phase}
 
 # Causes after which the robot continues only when asked: whoever caused the hold must know that
 # the robot will move.

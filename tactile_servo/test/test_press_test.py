@@ -9,10 +9,11 @@ FORCE, STIFFNESS, DT = 5.0, 1e4, 0.0025
 TOUCHED = 0.5  # N
 
 
-def pressed(told, noise=0.0, begin=TOUCHED / STIFFNESS, late=0):
+def pressed(told, noise=0.0, begin=TOUCHED / STIFFNESS, late=0, **how):
     """Test of a pad whose images tell a force by its depth [m], `late` by some cycles."""
     rng = np.random.default_rng(0)
-    test, depths = PressTest(FORCE, TOUCHED, lambda force: force / STIFFNESS), [begin]
+    how = {'load': TOUCHED, 'depth': lambda force: force / STIFFNESS} | how
+    test, depths = PressTest(FORCE, **how), [begin]
     while not test.over and len(depths) < 4000:
         seen = depths[max(len(depths) - 1 - late, 0)]
         load = max(told(seen) + noise * rng.normal(), 0.0)
@@ -38,16 +39,17 @@ def test_a_sensor_that_does_not_is_named(told):
 
 
 def test_noise_that_hides_the_answer_proves_nothing():
-    test, _ = pressed(lambda depth: 3.5, 2.0)
-    assert test.problem() == '' and '1.5 at first' in test.problem(1.5)
+    assert pressed(lambda depth: 3.5, 2.0)[0].problem() == ''
+    assert '1.5 at first' in pressed(lambda depth: 3.5, 2.0, first=1.5)[0].problem()
 
 
 @pytest.mark.parametrize('factor, noise, passes', [
     (1.5, 0.05, True), (1.4, 0.05, True), (1.2, 0.05, False), (2.0, 0.05, False),
     (1.5, 1.0, False)])
 def test_a_later_test_proves_that_the_answer_has_not_changed(factor, noise, passes):
-    test, _ = pressed(lambda depth: factor * STIFFNESS * depth, noise)
-    assert (test.problem(1.5) == '') == passes
+    test, _ = pressed(lambda depth: factor * STIFFNESS * depth, noise,
+                      FORCE / STIFFNESS / factor, load=FORCE, first=1.5)
+    assert (test.problem() == '') == passes
     assert test.slope == pytest.approx(factor, rel=0.02 if noise < 1.0 else 1.0)
 
 

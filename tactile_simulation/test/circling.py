@@ -29,7 +29,8 @@ class Circling:
     """Once round a point of a plane."""
 
     name, goal_type, config_type = 'circling', SurfaceGoal, CirclingConfig
-    sees_images, even, near, touch, unfelt = False, True, math.inf, None, 0.0
+    sees_images, even, near, touch = False, True, math.inf, None
+    unfelt, press = 0.0, None
 
     def __init__(self, servo, config=None):
         self.servo, self.config, self.error = servo, config or CirclingConfig(), None
@@ -56,6 +57,9 @@ class Circling:
         self.goal, self._centre, self.error = goal, None, None
         self._force, self._shown = 0.0, -math.inf
         self.resume()
+
+    def halt(self):
+        """Without a check of the depth, nobody asks for it."""
 
     def resume(self):
         """Go on from a standstill."""

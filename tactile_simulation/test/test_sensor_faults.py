@@ -1,6 +1,7 @@
 """A sensor that lies: the servo ends the goal, by name, before it presses hard."""
 import dataclasses
 import json
+import re
 
 import numpy as np
 from puma_loop import coarse_scene
@@ -45,34 +46,58 @@ LAWS_ON_SCENES = pytest.mark.parametrize('scene, law', [
     pytest.param('straight', 'resolved_rate', marks=pytest.mark.long)])
 
 
-def run_tilted(law, speed, tilt, config=None):
-    """Simulate an edge with a sensor mounted with a tilt [degrees]: simulation and summary."""
-    simulation = Simulation(scene_of('straight'), law, config=config)
+def run_tilted(scene, goal, tilt, *faults, **how):
+    """Run a goal with a sensor mounted with a tilt [degrees] about x, y: run and summary."""
+    simulation = Simulation(scene_of(scene), faults=[Fault.of(fault) for fault in faults], **how)
     turn, render, force = np.eye(4), simulation.world.render, simulation.world.force
-    turn[:3, :3] = Rotation.from_euler('x', tilt, degrees=True).as_matrix()
+    turn[:3, :3] = Rotation.from_euler('xy', tilt, degrees=True).as_matrix()
     simulation.world.render = lambda pose: render(pose @ turn)
     simulation.world.force = lambda pose: force(pose @ turn)
-    goal = EdgeGoal(speed, FORCE, length=0.12)
     simulation.run(goal, 40.0)
     return simulation, simulation.summary(goal)
 
 
 def pressed_again(simulation):
-    return any('tested again' in cycle.status.reason.text for cycle in simulation.log)
+    """Last text after another test of the sensor, '' if there was none."""
+    texts = [cycle.status.reason.text for cycle in simulation.log]
+    return next((text for text in texts[::-1] if 'the sensor is sound' in text), '')
 
 
 @pytest.mark.parametrize('law, speed, tilt', [
-    ('trace', 0.1, 0.5), ('trace', 0.05, 3.0), ('resolved_rate', 0.05, 1.0),
-    pytest.param('trace', 0.03, 2.0, marks=pytest.mark.long)])
+    ('trace', 0.1, 0.5), ('trace', 0.05, 3.0), ('trace', 0.05, -1.0),
+    ('resolved_rate', 0.05, -2.0), pytest.param('trace', 0.03, 4.0, marks=pytest.mark.long)])
 def test_a_sensor_that_is_mounted_with_a_tilt_is_tested_again(law, speed, tilt):
     """The robot believes that it moves deeper, without a larger force."""
-    simulation, summary = run_tilted(law, speed, tilt)
+    goal = EdgeGoal(speed, FORCE, length=0.12)
+    simulation, summary = run_tilted('straight', goal, (tilt, 0.0), law=law)
     assert summary['ok'] and summary['reason_code'] == 'length_reached', summary['reason']
-    assert summary['force_max'] < 1.1 * FORCE and pressed_again(simulation)
+    assert summary['force_max'] < 1.2 * FORCE
+    about_x = float(re.search(r'tilt of (\S+),', pressed_again(simulation))[1])
+    assert about_x == pytest.approx(tilt, rel=0.1)
+
+
+@pytest.mark.parametrize('surface, tilt, heading', [
+    ('plane', (0.0, -1.0), (1.0, 0.0, 0.0)), ('plane', (0.0, 2.0), (1.0, 0.0, 0.0)),
+    ('sphere_126', (1.5, 0.0), (0.0, 1.0, 0.0)), ('cylinder_65', (-1.0, 1.0), (0.0, -1.0, 0.0))])
+def test_a_tilt_of_the_sensor_ends_no_goal_on_a_surface(surface, tilt, heading):
+    goal = SurfaceGoal(0.05, FORCE, Pattern.LINE, heading, 0.04)
+    simulation, summary = run_tilted(f'surfaces/{surface}', goal, tilt)
+    assert summary['ok'], summary['reason']
+    assert summary['force_max'] < 1.3 * FORCE and pressed_again(simulation)
+
+
+@pytest.mark.parametrize('tilt', [-3.0, -1.0, 1.0])
+def test_a_tilt_does_not_hide_a_gain_that_fell(tilt):
+    """Tilted backwards, 7.5 N of 5 to the end were a success."""
+    goal = EdgeGoal(0.03, FORCE)
+    _, summary = run_tilted('straight', goal, (tilt, 0.0), 'gain@2=0.7')
+    assert not summary['ok'] and summary['reason_code'] == 'too_deep'
+    assert summary['force_max'] < 1.4 * FORCE
 
 
 def test_without_a_first_test_there_is_no_other_one():
-    simulation, summary = run_tilted('trace', 0.05, 2.0, ServoConfig(self_test=False))
+    simulation, summary = run_tilted('straight', EdgeGoal(0.05, FORCE), (2.0, 0.0),
+                                     config=ServoConfig(self_test=False))
     assert summary['reason_code'] == 'too_deep' and not pressed_again(simulation)
 
 

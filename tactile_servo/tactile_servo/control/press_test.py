@@ -25,12 +25,20 @@ class PressTest:
     The depth computed from the force is a function of the depth measured by the robot, which must
     have the slope 1. `pressed` is True once the pad was pressed with the force of the test, at the
     latest at the distance `deepest` from the touch.
+
+    A later test begins at the larger load of a goal. With the slope `first` of a test that proved
+    the sensor, it must prove it too, in the same range of loads.
     """
 
-    def __init__(self, force: float, load: float, depth: Callable[[float], float]):
-        self._depth, self._least = depth, max(PRESSED * force, load)
+    def __init__(self, force: float, load: float, depth: Callable[[float], float],
+                 first: float = math.nan):
+        self._depth, self._first, again = depth, first, not math.isnan(first)
+        self._least = PRESSED * force if again else max(PRESSED * force, load)
         self._aim = self._least + SURPLUS * force
-        self._expected = depth(self._least) - depth(load)
+        self._expected = depth(self._least) - depth(0.0 if again else load)
+        # Load from which it releases, ratio of release and depth, and largest load that counts
+        self._top = max(self._least, load)
+        self._ratio, self._most = (1.0 / first, self._aim) if again else (1.0, math.inf)
         self.pressed, self._release, self._lasted = False, 0.0, 0.0
         self.slope = math.nan  # measured change of the force, as a share of the predicted one
         self._way: dict[int, tuple[float, float]] = {}  # advance and load, by stamp
@@ -53,7 +61,8 @@ class PressTest:
         """Process a load [N], its stamp [ns], and the advance of the pad at the stamp [m]."""
         if not self.pressed and load >= self._least:
             self.pressed = True
-            self._release = self._depth(self._least) - self._depth((1.0 - RELEASED) * self._least)
+            self._release = self._ratio * (
+                self._depth(self._top) - self._depth((1.0 - RELEASED) * self._least))
         if self.pressed:
             self._way[stamp_ns] = advance, load
 
@@ -69,15 +78,11 @@ class PressTest:
         turn = 2.0 * math.pi / LASTING
         return -0.5 * self._release * turn * math.sin(turn * self._lasted)
 
-    def problem(self, first: float = math.nan) -> str:
-        """
-        Return what contradicts the stiffness, '' if nothing does.
-
-        With the slope of a `first` test, which proved the sensor, this one must prove it too.
-        """
+    def problem(self) -> str:
+        """Return what contradicts the stiffness, or the first test; '' if nothing does."""
         # Depths are computed only now: pressing may have brought more of the edge under the pad.
         way = np.array([(advance, self._depth(load)) for advance, load in self._way.values()
-                        if load > TOUCHING * self._least])
+                        if TOUCHING * self._least < load <= self._most])
         if len(way) < 4:
             return 'it was not felt long enough'
         actual, shown = (way - way.mean(axis=0)).T
@@ -88,6 +93,7 @@ class PressTest:
         left = shown - slope * actual
         doubt = SURE * math.sqrt(float(left @ left) / (len(way) - 2) / square)
         changes = f'the force changes by {slope:.2g} of what the stiffness says'
+        first = self._first
         if math.isnan(first):
             wrong = slope + doubt < 1.0 / UNLIKE or slope - doubt > UNLIKE
             return changes if wrong else ''

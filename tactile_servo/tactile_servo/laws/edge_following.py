@@ -7,6 +7,7 @@ import numpy as np
 
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import image_patience, ServoConfig, STALE_AFTER
+from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.press_test import PRESSED
 from tactile_servo.control.progress import LapGuard, Stall
 from tactile_servo.edge_map.traced_path import PathEnd
@@ -93,8 +94,12 @@ class EdgeFollowing:
         return self._motion.depth(force)
 
     @property
+    def press(self) -> PressCheck:
+        return self.sight.press
+
+    @property
     def unfelt(self) -> float:
-        return self.sight.press.unexplained / self.depth(1.0)
+        return self.press.unexplained / self.depth(1.0)
 
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         if goal.closed and goal.length > 0.0:
@@ -104,6 +109,9 @@ class EdgeFollowing:
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
         self._stale = image_patience(sensor.nominal_rate)
         self._forget(goal, skin_stiffness_of(sensor), total_stiffness(sensor))
+
+    def halt(self) -> None:
+        self._motion.halted = True
 
     def resume(self) -> None:
         self._motion.reset()

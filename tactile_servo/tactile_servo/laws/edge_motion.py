@@ -84,6 +84,7 @@ class EdgeMotion:
     def reset(self) -> None:
         """Reset all controllers to standstill."""
         self.speed, self.velocity = 0.0, (0.0, 0.0)
+        self.halted = False  # True to stop along the path
         self._force.reset()
         self._attitude.reset()
 
@@ -103,7 +104,7 @@ class EdgeMotion:
         scale, pressed = edge.scale, load.force / goal.force
         # A second leg that reaches the pad adds its load suddenly: slow down before.
         share = min(load.coming / min(scale.half_x, scale.half_y), 1.0)
-        top = goal.speed - max(goal.speed - ENTRY, 0.0) * share
+        top = 0.0 if self.halted else goal.speed - max(goal.speed - ENTRY, 0.0) * share
         distance = math.hypot(*place.aside)
         off = (distance / scale.grain - ON_PATH) / (ASTRAY - ON_PATH)
         top *= caution(max(pressed, 1.0) if may_lift else pressed, off)

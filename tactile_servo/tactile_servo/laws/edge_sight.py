@@ -95,7 +95,7 @@ class EdgeSight:
             self.error = TaskError(lateral, angle=angle, force=picture.force)
             found, depth, way = indentation_of(picture.points, picture.pose, picture.scale.half)
             if found and not anew:
-                self.press.see(picture.pose[:3, 3], way, depth)
+                self.press.see(picture.pose, picture.pose[:3, 3], way, depth)
         elif self.error is not None:
             self.error = self.error._replace(force=picture.force)
         return begun

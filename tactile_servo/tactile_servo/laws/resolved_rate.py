@@ -132,7 +132,7 @@ class ResolvedRate:
         self._age, self.shortest, self._looked = MAX_STAMP_AGE, math.inf, -math.inf
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
         self._twist, self._slowed = np.zeros(6), 0.0
-        self._press = PressCheck()
+        self.press = PressCheck()
 
     def retune(self, config: ResolvedRateConfig) -> None:
         self.config = config
@@ -151,12 +151,15 @@ class ResolvedRate:
         self.error = None
         self._looked = self._shown = -math.inf
         self._laps, self._progress = LapGuard(), 0.0
-        self._press.forget()
+        self.press = PressCheck()
         self.resume()
 
+    def halt(self) -> None:
+        self._halted = True
+
     def resume(self) -> None:
-        self._speed = 0.0
-        self._press.forget()
+        self._speed, self._halted = 0.0, False
+        self.press.forget()
 
     def observe(self, observation: Observation) -> None:
         if observation.contact is None:
@@ -190,8 +193,8 @@ class ResolvedRate:
             up = [0.0, math.sin(features.tilt), math.cos(features.tilt)]
             length = 2.0 * self._array.half_width_y
             at = pose @ [features.lateral, features.remaining, 0.0, 1.0]
-            self._press.see(
-                at[:3], pose[:3, :3] @ up, contact.line_force * length / self.stiffness,
+            self.press.see(
+                pose, at[:3], pose[:3, :3] @ up, contact.line_force * length / self.stiffness,
                 features.force > PRESSED * self.goal.force)
 
     def depth(self, force: float) -> float:
@@ -199,7 +202,7 @@ class ResolvedRate:
 
     @property
     def unfelt(self) -> float:
-        return self.stiffness * self._press.unexplained
+        return self.stiffness * self.press.unexplained
 
     def lacks(self, now: float) -> Reason | None:
         if now - self._shown < self._stale:
@@ -230,7 +233,7 @@ class ResolvedRate:
     def reference(self, pose: np.ndarray, commanded: np.ndarray, robot: Motion,
                   dt: float) -> Reference:
         goal, twist = self.goal, self._twist.copy()
-        self._speed = slewed(self._speed, self._slowed * goal.speed,
+        self._speed = slewed(self._speed, 0.0 if self._halted else self._slowed * goal.speed,
                              self.config.speed.acceleration * dt)
         twist[1] = goal.direction * self._speed
         heading = [goal.direction * way for way in pose[:3, 1].tolist()]

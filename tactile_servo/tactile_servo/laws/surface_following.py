@@ -109,7 +109,7 @@ class SurfaceFollowing:
         self._table = load_table(path) if path else None
         self._lessons = Lessons(self._table)
         self.error: TaskError | None = None
-        self._press, self._record = PressCheck(), Record(self.config.probe)
+        self.press, self._record = PressCheck(), Record(self.config.probe)
 
     def retune(self, config: SurfaceConfig) -> None:
         self.config = config
@@ -143,14 +143,17 @@ class SurfaceFollowing:
         self._sense = ContactSense(sensor.array, self._dome, self.config, goal.force, self._table)
         features = self._lessons.named(goal.features, goal.force) or [self._sense.centred]
         self._going = Going([self._sense.contact_of(shown) for shown in features])
-        self._surface, self._press, self._record = (
+        self._surface, self.press, self._record = (
             SurfaceFilter(), PressCheck(), Record(self.config.probe))
         self._motion = SurfaceMotion(
             self.config, self._dome, self._surface, sensor.array.half_width_x, self._age)
 
+    def halt(self) -> None:
+        self._motion.halted = True
+
     def resume(self) -> None:
         self._motion.reset()
-        self._press.forget()
+        self.press.forget()
         self._going.stall.seen = None
 
     def observe(self, observation: Observation) -> None:
@@ -176,9 +179,9 @@ class SurfaceFollowing:
         take = self._surface.update if self._surface.begun else self._surface.reset
         take(depth, felt.normal, felt.centre, angle)
         if going.begun is not None and not going.over:
-            self._press.see(felt.centre, felt.normal, depth, met)
             # Otherwise a part of the print may lie beside the pad, or may not be pressed yet.
             whole = going.met and aside <= CENTRED * self._sense.array.half_width_x
+            self.press.see(pose, felt.centre, felt.normal, depth, whole)
             self._record.keep(
                 observation.stamp_ns, felt, float(off @ off), self._surface.normal, whole)
 
@@ -187,7 +190,7 @@ class SurfaceFollowing:
 
     @property
     def unfelt(self) -> float:
-        return self._sense.pressed(self._press.unexplained) - self.goal.force
+        return self._sense.pressed(self.press.unexplained) - self.goal.force
 
     def lacks(self, now: float) -> Reason | None:
         if now - self._going.shown < self._stale:

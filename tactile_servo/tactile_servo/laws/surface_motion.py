@@ -62,6 +62,7 @@ class SurfaceMotion:
         self._force.reset()
         self._attitude.reset()
         self.bound = ''  # joint limit that reduces the speed, or empty
+        self.halted = False  # True to stop along the path
         self._speed = 0.0  # of the centre [m/s]
         self._shrunk = 1.0  # motion of the contact per motion of the centre
         self._velocity = np.zeros(3)  # velocity of the centre [m/s]
@@ -103,7 +104,7 @@ class SurfaceMotion:
         off = math.hypot(*(felt.place - aim.place)) / self._half
         bent = float(step.way @ self._surface.bend @ step.way)
         self._shrunk = shrink = max(1.0 + self._dome.skin_radius * bent, TURNED)
-        top = min(wanted, step.top) / shrink
+        top = 0.0 if self.halted else min(wanted, step.top) / shrink
         top = min(top, self._known(step.way)) * caution(
             felt.force / aim.force, (off - CENTRED) / (ASIDE - CENTRED))
         self.bound = pace.bound if pace.speed < top else ''
