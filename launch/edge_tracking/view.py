@@ -4,10 +4,10 @@ Live view: a read-only web page with tactile image, contact, path, force, state 
 Also publishes `image/view`, the image with the contact drawn in, while someone subscribes.
 """
 from array import array
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
-import json
 import math
 import sys
 from typing import Any
@@ -34,9 +34,8 @@ from tactile_msgs.msg import Contact, ServoStatus, TactileImage
 from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.types.contact import ContactType, Reason
 from tactile_servo.types import State
+from tactile_simulation.metrics import to_json
 
-TOPICS = {'image': TactileImage, 'contact': Contact, 'servo_status': ServoStatus,
-          'sensor_pose': PoseStamped}
 ATTENTION = 0.5  # s between checks for viewers
 PERIOD = 1.0 / 30.0  # s between shown images
 FADING = 0.995  # factor per image for the pressure of the darkest colour
@@ -77,6 +76,11 @@ class ViewNode(TactileNode):
         config = declare_from(self, ViewConfig)
         self._server = Server(config.host, config.port, live_page())
         self._picture = self.create_publisher(Image, 'image/view', qos_profile_sensor_data)
+        # Type of the messages of each topic, and what is shown of the newest one.
+        self._read: dict[str, tuple[type, Callable[[Any], Any]]] = {
+            'image': (TactileImage, self._image), 'contact': (Contact, _contact),
+            'servo_status': (ServoStatus, _status),
+            'sensor_pose': (PoseStamped, _position)}
         self._heard: dict[str, bytes] = {}  # newest message by topic
         self._listening: list[Any] = []
         self._timer: Timer | None = None
@@ -97,7 +101,7 @@ class ViewNode(TactileNode):
             newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
             self._listening = [self.create_subscription(
                 kind, name, partial(self._heard.__setitem__, name), newest, raw=True)
-                for name, kind in TOPICS.items()]
+                for name, (kind, _) in self._read.items()]
             self._timer = self.create_timer(PERIOD, self._show, clock=self._steady)
         elif self._timer and not watched:
             self.destroy_timer(self._timer)
@@ -109,26 +113,24 @@ class ViewNode(TactileNode):
 
     def _show(self) -> None:
         new = {}
-        for name, of_message in (('image', self._image), ('contact', _contact),
-                                 ('servo_status', _status), ('sensor_pose', _position)):
+        for name, (kind, read) in self._read.items():
             try:
                 if raw := self._heard.pop(name, None):
-                    new[name] = of_message(unpacked(raw, TOPICS[name]))
+                    new[name] = read(unpacked(raw, kind))
             except TactileError as error:
                 self.get_logger().warning(
                     f'{name} ignored: {error}', throttle_duration_sec=5.0)
         if not new:
             return
         self._shown = {**self._shown, 'sensor_pose': None, **new}
-        header, pressure, image = self._shown.get('image', (None, None, None))
-        contact = self._shown.get('contact')
-        self._server.newest = json.dumps({
-            'image': image, 'contact': contact, 'status': self._shown.get('servo_status'),
-            'position': self._shown['sensor_pose'], 'stamp': self._steady.now().nanoseconds,
-        }).encode()
+        header, shades, image = self._shown.get('image', (None, None, None))
+        contact = self._shown.get('contact', {})
+        self._server.newest = to_json({
+            'image': image, 'contact': contact or None,
+            'status': self._shown.get('servo_status'), 'position': self._shown['sensor_pose'],
+            'stamp': self._steady.now().nanoseconds}).encode()
         if 'image' in new and self._picture.get_subscription_count():
-            self._picture.publish(drawn(header, pressure, image['pitch'], (
-                contact or {}).get('place')))
+            self._picture.publish(drawn(header, shades, image['pitch'], contact.get('place')))
 
     def _image(self, message: Any) -> tuple[Any, np.ndarray, dict[str, Any]]:
         """Return header, levels and the page's data of an image."""
@@ -160,30 +162,23 @@ def _contact(message: Any) -> dict[str, Any]:
     place: dict[str, Any] | None = None
     centre = message.centre_of_pressure
     if message.valid:
-        place = {name: _known(getattr(message, name)) for name in (
-            'x', 'y', 'yaw', 'start', 'end')}
-        place['covariance'] = [_known(it) for it in message.covariance[[0, 1, 8]].tolist()]
+        place = {name: getattr(message, name) for name in ('x', 'y', 'yaw', 'start', 'end')}
+        place['covariance'] = message.covariance[[0, 1, 8]].tolist()
     elif message.type == ContactType.OTHER and math.isfinite(centre.x):
-        place = {'x': centre.x, 'y': centre.y, 'yaw': None}
+        place = {'x': centre.x, 'y': centre.y, 'yaw': math.nan}
     return {
-        'type': _name(ContactType, message.type), 'place': place,
-        'force': _known(message.normal_force),
+        'type': _name(ContactType, message.type), 'place': place, 'force': message.normal_force,
         'reasons': ', '.join(str(it.name).lower() for it in Reason if message.reasons & it)}
 
 
 def _status(message: Any) -> dict[str, Any]:
     return {'state': _name(State, message.state), 'reason': message.reason,
-            'speed': _known(message.speed), 'progress': _known(message.progress)}
+            'speed': message.speed, 'progress': message.progress}
 
 
-def _position(message: Any) -> list[float | None]:
+def _position(message: Any) -> list[float]:
     place = message.pose.position
-    return [_known(it) for it in (place.x, place.y, place.z)]
-
-
-def _known(value: float) -> float | None:
-    """Return a finite number, or None, because JSON has no NaN and infinity."""
-    return value if math.isfinite(value) else None
+    return [place.x, place.y, place.z]
 
 
 def _name(kind: Any, number: int) -> str:
@@ -199,9 +194,9 @@ def drawn(header: Any, shades: np.ndarray, pitch: list[float], place: dict[str, 
     x = pitch[0] * ((np.arange(columns * factor) + 0.5) / factor - 0.5 * columns)
     y = pitch[1] * ((np.arange(rows * factor) + 0.5) / factor - 0.5 * rows)[:, None]
     pixels = PALETTE[np.kron(shades, np.ones((factor, factor), np.uint8))]
-    if place and place['x'] is not None:
+    if place and math.isfinite(place['x']):
         thick, right, up = 1.2 * max(pitch) / factor, x - place['x'], y - place['y']
-        if place['yaw'] is not None:
+        if math.isfinite(place['yaw']):
             on = np.abs(right * np.cos(place['yaw']) + up * np.sin(place['yaw'])) < thick
         else:
             on = np.minimum(np.abs(right), np.abs(up)) < thick

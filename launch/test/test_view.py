@@ -87,7 +87,7 @@ def test_levels_round_and_mark_what_is_missing():
 
 @pytest.mark.parametrize('place, at, beside', [
     ({'x': 0.0, 'y': 0.0, 'yaw': 0.0}, (10, 160), (160, 10)),  # a line along y
-    ({'x': -2e-3, 'y': 1e-3, 'yaw': None}, (140, 120), (10, 120))])  # a cross
+    ({'x': -2e-3, 'y': 1e-3, 'yaw': np.nan}, (140, 120), (10, 120))])  # a cross
 def test_image_has_rows_upwards_and_the_contact(place, at, beside):
     shades = np.zeros((16, 16), np.uint8)
     shades[15, 0] = 254  # the last row is the highest
