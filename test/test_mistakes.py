@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from edge_tracking import composed, demo
-from edge_tracking.report import command as report
+from edge_tracking.report import page as report
 from tactile_common.command_line import REFUSED
 from tactile_sensing.cli import estimate
 from tactile_shape.cli import fit

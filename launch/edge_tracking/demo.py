@@ -21,8 +21,7 @@ from edge_tracking.graph import (
 from edge_tracking.parameters import check_file, names_in
 from edge_tracking.playback import calibrated, record_frames
 from edge_tracking.process_group import apart, Heard
-from edge_tracking.recording.frames_summary import describe_recording
-from edge_tracking.report.command import read
+from edge_tracking.recording.summary import describe_recording, read
 from edge_tracking.report.page import make_report
 from edge_tracking.resources import NAMESPACE, share
 from edge_tracking.track import RESUMES, TrackNode

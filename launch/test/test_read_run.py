@@ -6,8 +6,8 @@ from recorded_run import pose_at, START, TOPICS, write_bag
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from edge_tracking.recording import run as run_module
-from edge_tracking.recording.frames_summary import lost_images, summarise_recording
 from edge_tracking.recording.run import read_run
+from edge_tracking.recording.summary import lost_images, summarise_recording
 from tactile_common.errors import ConfigurationError
 
 

@@ -13,13 +13,10 @@ import numpy as np
 import pytest
 from recorded_run import TOPICS, write_bag
 
-from edge_tracking.recording.frames_summary import summarise_recording
 from edge_tracking.recording.run import read_run
-from edge_tracking.recording.summary import summarise, truth
+from edge_tracking.recording.summary import summarise, summarise_recording, truth
 from edge_tracking.report import charts
-from edge_tracking.report.command import main, summary_of
-from edge_tracking.report.page import make_report, Shown
-from edge_tracking.report.player import MAX_BYTES
+from edge_tracking.report.page import main, make_report, Shown
 from tactile_servo.robot_config import NodeConfig
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric
@@ -163,7 +160,7 @@ def test_a_long_run_is_thinned_and_says_so(run, scene, tmp_path):
         run.images, frames=frames, stamp_ns=stamps, sequence=np.arange(count)),
         stamps={**run.stamps, 'image': stamps})
     path = report(tmp_path / 'report.html', long, summarise(run))
-    shown = MAX_BYTES // (256 + 36)
+    shown = charts.MAX_BYTES // (256 + 36)
     assert f'{shown} of 600000 images, evenly chosen' in read_page(path).text
     assert path.stat().st_size < 5e6
 
@@ -288,7 +285,7 @@ def test_bags_with_one_topic_give_empty_arrays_and_reports(scene, tmp_path, kept
     assert bare.poses.position.shape[1:] == (3,)
     summary = summarise(bare, scene)
     read_page(report(tmp_path / 'report.html', bare, summary, scene, truth(bare, scene)))
-    read_page(report(tmp_path / 'recording.html', bare, summary_of(bare, None, None)))
+    read_page(report(tmp_path / 'recording.html', bare, summarise(bare)))
 
 
 def test_report_of_a_recording(run, tmp_path):

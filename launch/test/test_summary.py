@@ -7,8 +7,14 @@ import numpy as np
 import pytest
 import recorded_run as made
 
-from edge_tracking.recording.frames_summary import force_series, summarise_recording
-from edge_tracking.recording.summary import latencies, settled_cycles, summarise, truth
+from edge_tracking.recording.summary import (
+    force_series,
+    latencies,
+    settled_cycles,
+    summarise,
+    summarise_recording,
+    truth,
+)
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import State
 from tactile_simulation.metrics import to_json

@@ -1,19 +1,66 @@
-"""Summary of a recorded run: how well an edge or surface was tracked."""
+"""Summary of a recorded run: how well an edge or surface was tracked, or what a sensor felt."""
+from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any
+from itertools import pairwise
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from edge_tracking.recording.run import RunData, Statuses
-from tactile_common.errors import TactileError
+from edge_tracking.recording.run import read_run, RunData, Statuses
+from tactile_common.errors import ConfigurationError, TactileError
+from tactile_sensing.image import image_moments
+from tactile_sensing.types.contact import ContactType
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import ON_TRACK, State
 from tactile_shape.contour.outline import find_outline, Outline
 from tactile_shape.types.patch import Kind
-from tactile_simulation import metrics
-from tactile_simulation.metrics import busy, judged, measure, NAN, percentile, rate
+from tactile_simulation.metrics import busy, judged, measure, NAN, percentile, rate, span
 from tactile_simulation.world import Course, Scene
+
+
+class Shown(NamedTuple):
+    """A recording with its summary, and scene and truth if they are known."""
+
+    name: str
+    run: RunData
+    summary: dict[str, Any]
+    scene: Any = None  # Scene
+    real: Any = None  # Course
+
+
+def read(path: str | Path, scene: Scene | None = None, namespace: str | None = None) -> Shown:
+    """Read and summarise a recording; ConfigurationError if it contains nothing to show."""
+    run = read_run(path, namespace, joints=scene is not None)
+    if not any(len(table.stamp_ns) for table in (
+            run.images, run.contacts, run.statuses, run.poses)):
+        raise ConfigurationError(f'bag {path}: holds neither images nor contacts, states or '
+                                 f'poses of a sensor in {run.namespace}')
+    real = truth(run, scene) if scene else None
+    name = '/'.join(Path(path).resolve().parts[-2:])
+    return Shown(name, run, summarise(run, scene, real), scene, real)
+
+
+class Stage(NamedTuple):
+    """A time during which the servo's state and reason did not change."""
+
+    begin: int  # stamps [ns]
+    end: int
+    state: State
+    reason: str
+
+
+def stages(run: RunData) -> list[Stage]:
+    """Return the states and reasons of the servo in sequence."""
+    stamps, state, reason = run.statuses.stamp_ns, run.statuses.state, run.statuses.reason
+    if not len(stamps):
+        return []
+    changed = 1 + np.flatnonzero((state[1:] != state[:-1]) | (reason[1:] != reason[:-1]))
+    return [Stage(int(stamps[first]), int(stamps[min(after, len(stamps) - 1)]),
+                  State(int(state[first])), str(reason[first]))
+            for first, after in pairwise([0, *changed, len(stamps)])]
 
 
 def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
@@ -22,16 +69,20 @@ def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
     return tracking, tracking & (statuses.progress >= SETTLING_LENGTH)
 
 
+def newest(known: np.ndarray, stamps: np.ndarray) -> np.ndarray:
+    """Return the index of the newest known stamp at each stamp, -1 before the first."""
+    return np.searchsorted(known, stamps, side='right') - 1
+
+
 def truth(run: RunData, scene: Scene) -> Course:
     """Compare the recorded poses of the pad with the scene; time as in `run.seconds`."""
     poses, statuses, world = run.poses, run.statuses, scene.world()
     force, shift = np.empty(len(poses.stamp_ns)), np.zeros((len(poses.stamp_ns), 3))
     for index, pose in enumerate(poses.matrix):
         force[index], shift[index] = world.force(pose), world.shift  # it may slip
-    # The state at a pose is that of the newest cycle at its stamp.
-    newest = np.searchsorted(statuses.stamp_ns, poses.stamp_ns, side='right') - 1
+    cycle = newest(statuses.stamp_ns, poses.stamp_ns)
     progress, tracking, settled = (
-        np.append(values, values.dtype.type(0))[newest]  # -1, before the first cycle, gives 0
+        np.append(values, values.dtype.type(0))[cycle]  # -1, before the first cycle, gives 0
         for values in (statuses.progress, *settled_cycles(statuses)))
     return scene.truth(Course(
         run.seconds(poses.stamp_ns), poses.matrix, force, shift, progress, tracking, settled))
@@ -83,8 +134,11 @@ def summarise(run: RunData, scene: Scene | None = None, real: Course | None = No
 
     In a scene, errors and forces are those of the scene at the recorded poses, not the sensor's;
     they come from `real`, or from `truth` if it is missing. `ok` is True only if the servo met its
-    goal and the scene's limits are kept. Without a scene there are no errors and forces.
+    goal and the scene's limits are kept. Without a scene there are no errors and forces; without
+    a servo, too, the summary is that of `summarise_recording`.
     """
+    if not (scene or is_of_servo(run)):
+        return summarise_recording(run)
     statuses, met = run.statuses, goal_was_met(run)
     tracking, _ = settled_cycles(statuses)
     target = percentile(statuses.force_target[tracking])
@@ -137,7 +191,7 @@ def of_servo(run: RunData, scene: str) -> dict[str, Any]:
     statuses, stamps = run.statuses, run.stamps['image']
     tracking, settled = settled_cycles(statuses)
     active = np.flatnonzero(statuses.state != State.IDLE)
-    duration = metrics.span(statuses.stamp_ns[active])
+    duration = span(statuses.stamp_ns[active])
     cycles = int(np.ptp(statuses.cycles[active])) + 1 if active.size else 0
     _, latency = latencies(run)
     begin, end = statuses.stamp_ns[tracking][[0, -1]] if tracking.any() else (0, -1)
@@ -167,3 +221,83 @@ def of_servo(run: RunData, scene: str) -> dict[str, Any]:
         'latency_p99': percentile(latency, 99),
         'cpu_per_cycle': statuses.cpu_time[tracking].mean() if tracking.any() else NAN,
     }
+
+
+class ForceSeries(NamedTuple):
+    """Force over time of a recording, arrays `(N,)`."""
+
+    stamp_ns: np.ndarray
+    force: np.ndarray  # zeroth moment, in `unit`
+    unit: str
+    type: np.ndarray  # numbers of Contact.msg
+    centre_of_pressure: np.ndarray  # (N, 2) [m]
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time since the first image [s]."""
+        return 1e-9 * (self.stamp_ns - self.stamp_ns[:1])
+
+
+def force_series(run: RunData) -> ForceSeries:
+    """Return force and centre of pressure, from contacts or else from the images' moments."""
+    unit = {'Pa': 'N', '': 'N'}.get(run.images.unit, f'{run.images.unit} m^2')
+    contacts = run.contacts
+    if np.isfinite(contacts.m0).any():
+        return ForceSeries(contacts.stamp_ns, contacts.m0, unit, contacts.type,
+                           contacts.centre_of_pressure)
+    stamps, array = run.images.stamp_ns, run.images.array  # None without frames
+    moments = [image_moments(frame, array) for frame in run.images.frames] if array else []
+    return ForceSeries(
+        stamps, np.array([each.m0 for each in moments]), unit,
+        np.full(len(stamps), int(ContactType.OTHER)),
+        np.array([each.centre_of_pressure for each in moments]).reshape(-1, 2))
+
+
+def force_unit(unit: str) -> tuple[float, str]:
+    """Return factor and unit to show forces of a unit: N, or counts mm^2."""
+    return (1.0, 'N') if unit == 'N' else (1e6, unit.replace('m^2', 'mm\u00b2'))
+
+
+def lost_images(run: RunData) -> int:
+    """Return the number of missing images, from their sequence numbers."""
+    steps = np.diff(run.images.sequence)
+    return int((steps[steps > 0] - run.every.get('image', 1)).sum())
+
+
+def summarise_recording(run: RunData) -> dict[str, Any]:
+    """
+    Return the summary of a recording in SI units.
+
+    Forces are in `force_unit`, which is N only for a calibrated sensor.
+    """
+    series, images, stamps = force_series(run), run.images, run.stamps['image']
+    force, centre = NAN, [NAN, NAN]
+    if np.isfinite(series.force).any():
+        strongest = int(np.nanargmax(series.force))
+        force, centre = series.force[strongest], series.centre_of_pressure[strongest].tolist()
+    return {
+        'ok': bool(len(images.stamp_ns) and len(series.force)),
+        'reason': '' if len(images.stamp_ns) else 'no pictures arrived',
+        'sensor': run.info.sensor if run.info else '',
+        'rows': images.frames.shape[1], 'columns': images.frames.shape[2],
+        'force_unit': series.unit, 'force_max': force, 'force_max_centre': centre,
+        'duration': span(stamps), 'frames': len(stamps), 'lost_frames': lost_images(run),
+        'sensor_rate': rate(stamps),
+        'contact_types': {kind.name.lower(): int(np.count_nonzero(series.type == kind))
+                          for kind in ContactType},
+        'latency_p50': percentile(run.contacts.latency, 50),
+        'latency_p99': percentile(run.contacts.latency, 99),
+    }
+
+
+def describe_recording(summary: Mapping[str, Any]) -> str:
+    """Return the summary of a recording as text."""
+    text = (f'{summary["frames"]} pictures of {summary["rows"]} x {summary["columns"]} at '
+            f'{summary["sensor_rate"]:.1f} Hz, {summary["lost_frames"]} lost; contacts: ')
+    text += ', '.join(f'{count} {name}' for name, count in summary['contact_types'].items()
+                      if count) or 'none'
+    if not math.isfinite(summary['force_max']):
+        return text
+    (factor, unit), (x, y) = force_unit(summary['force_unit']), summary['force_max_centre']
+    return (f'{text}; largest force {factor * summary["force_max"]:.4g} {unit} at '
+            f'({1e3 * x:+.2f}, {1e3 * y:+.2f}) mm')

@@ -1,14 +1,21 @@
-"""Charts of a run for the page: data and labels."""
+"""Data of a run for the page: its charts, and the images and states of its player."""
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from edge_tracking.recording.frames_summary import force_series, force_unit, ForceSeries
 from edge_tracking.recording.run import RunData
-from edge_tracking.recording.summary import latencies, settled_cycles
-from edge_tracking.report.player import Shown, stages, thinned
-from edge_tracking.web.page import packed
+from edge_tracking.recording.summary import (
+    force_series,
+    force_unit,
+    ForceSeries,
+    latencies,
+    newest,
+    settled_cycles,
+    Shown,
+    stages,
+)
+from edge_tracking.web.page import levels, packed
 from tactile_common.polyline import arc_length
 from tactile_sensing.types.contact import ContactType
 from tactile_servo.track_statistics import SETTLING_LENGTH
@@ -17,6 +24,9 @@ from tactile_shape.contour.outline import Outline
 
 BLUE, ORANGE, GREY, INK, EDGE_COLOUR = '#1f5fa8', '#d4691e', '#7a808a', '#22262b', '#c9cdd4'
 MOST_POINTS = 4000  # per line; longer ones show smallest and largest value of each group
+MAX_BYTES = 1_500_000  # of the images in a page; others are omitted
+MAX_RATE = 60.0  # images per second
+MAX_POINTS = 5000  # of a path
 LEAST_ERROR = 5e-3  # mm, smallest range of an axis of errors
 SHADES = {
     State.APPROACH: '#eaf0f8', State.CORNER: '#fff4d6', State.SEARCH: '#fdebd3',
@@ -219,3 +229,53 @@ def pressed(run: RunData, series: ForceSeries) -> list[dict[str, Any]]:
             line('xy'[axis], time, moves[:, axis], (BLUE, ORANGE)[axis]) for axis in (0, 1)]),
         chart('Centre of pressure on the array, equal axes', 'x [mm]', 'y [mm]', [
             *frame, way('', centre[loaded], BLUE, dots=True)], equal=True)]
+
+
+def thinned(count: int, most: int) -> np.ndarray:
+    """Return at most `most` evenly spaced indices of a series."""
+    return np.unique(np.linspace(0, max(count - 1, 0), min(count, most)).round().astype(int))
+
+
+def chosen(run: RunData, pages: int = 1) -> np.ndarray:
+    """Return the stamps [ns] that a player shows; those of images if there are any."""
+    images, stamps = run.images, run.images.stamp_ns
+    if not len(stamps):
+        return run.poses.stamp_ns[thinned(len(run.poses.stamp_ns), MAX_POINTS)]
+    each = images.frames[0].size + 36
+    seconds = 1e-9 * float(stamps[-1] - stamps[0])
+    return stamps[thinned(len(stamps), int(min(
+        MAX_BYTES / pages // each, max(MAX_RATE * seconds, 10.0))))]
+
+
+def _at(known: np.ndarray, values: np.ndarray, stamps: np.ndarray) -> np.ndarray:
+    """Return the newest values at stamps, NaN before the first."""
+    return np.concatenate([values, np.full((1, *values.shape[1:]), np.nan)])[
+        newest(known, stamps)]
+
+
+def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
+    """Return the data of a run at some stamps [ns] for the script `player.js`, as JSON types."""
+    images, contacts, found = run.images, run.contacts, stages(run)
+    array, series = images.array, force_series(run)
+    frames = images.frames[newest(images.stamp_ns, stamps)] if array else images.frames[:0]
+    top = float(np.nanmax(frames, initial=0.0))
+    placed = np.column_stack([contacts.x, contacts.y, contacts.yaw])
+    placed[~contacts.valid] = np.nan
+    centre = ~contacts.valid & (contacts.type > 0)
+    placed[centre, :2] = contacts.centre_of_pressure[centre]
+    touched = run.touches.position if len(run.touches.stamp_ns) else run.contour
+    force = _at(series.stamp_ns, series.force, stamps)
+    scale, unit = force_unit(series.unit)
+    return {
+        'rows': array.rows if array else 0, 'columns': array.columns if array else 0,
+        'pitch': [float(array.pitch_x), float(array.pitch_y)] if array else [1.0, 1.0],
+        'top': top, 'levels': packed(levels(frames, top), 'u1'),
+        'time': packed(run.seconds(stamps), '<f4'),
+        'contact': packed(_at(contacts.stamp_ns, placed, stamps), '<f4'),
+        'force': packed(force, '<f4'), 'force_scale': scale, 'unit': unit,
+        'path': packed(_at(run.poses.stamp_ns, run.poses.position, stamps), '<f4'),
+        'touched': packed(touched[thinned(len(touched), MAX_POINTS)], '<f4'),
+        'stages': [[stage.state.name.lower(), stage.reason] for stage in found],
+        'stage': packed(newest(np.array([stage.begin for stage in found], np.int64), stamps),
+                        '<i4'),
+        'first': int(np.nanargmax(force)) if np.isfinite(force).any() else 0}

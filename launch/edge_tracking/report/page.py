@@ -1,34 +1,45 @@
-"""Report of recordings: one page, whose sections depend on the available data."""
+"""
+Report of recordings: one page, whose sections depend on the available data.
+
+The command `report` shows one or two recordings.
+"""
+import argparse
 from collections.abc import Iterator, Mapping
 from datetime import datetime, timezone
 from html import escape
 from pathlib import Path
+import sys
 from typing import Any
 
 import numpy as np
 
 from edge_tracking.parameters import NODES, parameters_of
-from edge_tracking.recording.frames_summary import (
+from edge_tracking.recording.run import RunData
+from edge_tracking.recording.summary import (
     describe_recording,
     force_series,
+    is_of_servo,
+    latencies,
     lost_images,
+    read,
+    rebuilt_outline,
+    Shown,
+    stages,
 )
-from edge_tracking.recording.run import RunData
-from edge_tracking.recording.summary import is_of_servo, latencies, rebuilt_outline
-from edge_tracking.report import charts, html
-from edge_tracking.report.html import figure
-from edge_tracking.report.player import chosen, player, Shown, stages
-from edge_tracking.web.page import make_page
+from edge_tracking.report import charts
+from edge_tracking.web import page as html
 from tactile_common.atomic_file import replacing
-from tactile_common.command_line import version_of_all
+from tactile_common.command_line import file_to_write, Help, Parser, refusing, version_of_all
+from tactile_common.errors import ConfigurationError
 from tactile_servo.laws.registry import DEFAULT, LAWS
-from tactile_simulation.metrics import busy, percentile, rate, shown
+from tactile_simulation.metrics import busy, percentile, rate, shown, to_json
+from tactile_simulation.scene import describe_scenes, load_scene
 
 LEAST = 6e-3  # m, smallest extent of the contacts with a surface
 MOST_ROWS = 100  # rows of a table
 MOCKS = {'mock_sensor', 'mock_robot'}  # nodes of a simulation
 MOST_TEXT = 200  # characters of a value
-Section = tuple[str, str]  # heading and HTML
+Section = tuple[str, str, str]  # heading, HTML and its caption
 WHAT = {'track_edge': 'Edge', 'track_surface': 'Surface'}
 
 
@@ -37,7 +48,9 @@ def make_report(path: str | Path, *recordings: Shown) -> None:
     titles = [f'Scene \u201c{it.scene.name}\u201d' if it.scene else
               f'Recording \u201c{it.name}\u201d' for it in recordings]
     columns = [
-        {'': f'<h1>{escape(title)}</h1>\n{_head(it)}', **dict(_sections(it, len(recordings)))}
+        {'': f'<h1>{escape(title)}</h1>\n{_head(it)}',
+         **{heading: f'<figure>{content}<figcaption><p>{escape(caption)}</p></figcaption></figure>'
+            for heading, content, caption in _sections(it, len(recordings))}}
         for title, it in zip(titles, recordings, strict=True)]
     parts = []
     for heading in dict.fromkeys(name for column in columns for name in column):
@@ -46,7 +59,7 @@ def make_report(path: str | Path, *recordings: Shown) -> None:
         parts.append((f'<h2>{escape(heading)}</h2>\n' if heading else '')
                      + f'<div class="beside">{beside}</div>')
     with replacing(path) as part:
-        part.write_text(make_page(
+        part.write_text(html.make_page(
             ' \u2013 '.join(titles), '\n'.join(parts), ('tactile.js', 'player.js', 'chart.js'),
             kind='two' if len(columns) > 1 else ''), 'utf-8')
 
@@ -130,56 +143,50 @@ def _lead(summary: Mapping[str, Any]) -> str:
 
 
 def _sections(it: Shown, columns: int) -> Iterator[Section]:
-    run, of_servo = it.run, is_of_servo(it.run)
-    stamps = chosen(run, columns)
-    if len(stamps):
-        yield 'Player', _player(run, stamps)
+    run, of_servo, series = it.run, is_of_servo(it.run), force_series(it.run)
+    yield from _player(run, columns)
     if of_servo:
-        yield 'Error and force', figure(
-            html.charts(charts.over_time(it)),
+        yield 'Error and force', html.charts(charts.over_time(it)), (
             'By touch: what the servo measured.' + (
                 ' True: from pose and scene. The statistics count from the dashed line, 10 mm '
                 'after first contact; those of the force only while an edge crosses the whole '
                 'pad.' if it.scene else ' The dashed line is 10 mm after first contact.')
             + ' Coloured: other states than tracking, see there.')
-        yield 'States', _states(run)
+        yield from _states(run)
     yield from _shape(it)
-    series = force_series(run)
     if not of_servo and len(series.time):
-        yield 'Force and centre of pressure', figure(
-            html.charts(charts.pressed(run, series)),
+        yield 'Force and centre of pressure', html.charts(charts.pressed(run, series)), (
             'Force is the zeroth moment of the picture. Without a calibration it is in counts '
             'times area and says nothing about newtons. The centre of pressure is shown where the '
             f'force is above a tenth of its largest value. This recording: {len(series.time)} '
             f'contacts in {np.ptp(series.time):.1f} s.')
     if len(latencies(run)[1]):
-        yield 'Latency', figure(
-            html.charts(charts.latency(it)),
+        yield 'Latency', html.charts(charts.latency(it)), (
             'From the last byte of an image at the driver to the end of the first control cycle '
             'that used it. Later ones than the axis shows are in its last bar.')
-    yield 'Rates', _rates(run)
+    yield from _rates(run)
 
 
-def _player(run: RunData, stamps: np.ndarray) -> str:
-    count = len(run.stamps['image'])
+def _player(run: RunData, columns: int) -> Iterator[Section]:
+    stamps, count = charts.chosen(run, columns), len(run.stamps['image'])
+    if not len(stamps):
+        return
     canvases = (['tactile image'] if count else []) + (
         ['way of the pad'] if len(run.poses.stamp_ns) else [])
-    data = player(run, stamps)
+    data = charts.player(run, stamps)
     shown_of = f'{len(stamps)} of {count} images, evenly chosen and none averaged, in 254 ' \
         f'levels up to {data["top"]:.4g} {run.images.unit}' if count else \
         f'{len(stamps)} of {len(run.stamps["sensor_pose"])} poses'
-    return figure(
-        html.player(data, canvases),
+    yield 'Player', html.player(data, canvases), (
         f'Shown: {shown_of}. Blue-green: the estimate, a line where it is one, a cross where it '
         'is a point, or at the centre of pressure. Way of the pad in the base frame, to be '
         f'turned; orange: what it touched. This run: {len(run.stamps["contact"])} contacts.')
 
 
-def _states(run: RunData) -> str:
+def _states(run: RunData) -> Iterator[Section]:
     rows = [(f'{run.seconds(stage.begin):.3f}', f'{1e-9 * (stage.end - stage.begin):.3f}',
              stage.state.name.lower(), stage.reason) for stage in stages(run)]
-    return figure(
-        html.table(rows[:MOST_ROWS], ('from [s]', 'for [s]', 'state', 'reason')),
+    yield 'States', html.table(rows[:MOST_ROWS], ('from [s]', 'for [s]', 'state', 'reason')), (
         f'This run: {len(rows)} states' + (
             f', of which the first {MOST_ROWS} are listed.' if len(rows) > MOST_ROWS else '.'))
 
@@ -187,8 +194,7 @@ def _states(run: RunData) -> str:
 def _shape(it: Shown) -> Iterator[Section]:
     run, found = it.run, rebuilt_outline(it.run) if 'sides' in it.summary else None
     if it.scene and it.scene.action == 'track_surface':
-        yield 'The surface that was felt', figure(
-            html.charts(charts.felt(it)),
+        yield 'The surface that was felt', html.charts(charts.felt(it)), (
             'Contacts, and their distance from the true surface, which only the mock sensor '
             'knows.')
     elif it.scene or found is not None:
@@ -202,24 +208,55 @@ def _shape(it: Shown) -> Iterator[Section]:
                 for side in found.sides)
             text += 'Outline: lines, arcs and corners, as few as the contacts allow, here ' \
                 f'{len(found.sides)} sides ({sides}) and {len(found.corners)} corners.'
-        yield 'Seen from above', figure(html.charts(charts.plan(it, found)), text)
+        yield 'Seen from above', html.charts(charts.plan(it, found)), text
     # At first contact with an edge, a few contacts may look like a surface.
     if len(run.patches) and np.ptp([patch.origin for patch in run.patches], axis=0).max() > LEAST:
-        yield 'Surface', figure(
-            html.charts(charts.curvatures(run)),
+        yield 'Surface', html.charts(charts.curvatures(run)), (
             'Where a surface was touched: principal curvatures by the shape estimator, live. '
             f'This run: {len(run.patches)} patches.')
 
 
-def _rates(run: RunData) -> str:
+def _rates(run: RunData) -> Iterator[Section]:
     rows = [(name, str(len(stamps)), f'1 of {run.every.get(name, 1)}', f'{rate(stamps):.1f}',
              f'{1e-6 * np.median(np.diff(stamps)):.2f}', f'{1e-6 * np.diff(stamps).max():.2f}')
             for name, stamps in run.stamps.items() if len(stamps) > 1]
+    head = 'topic', 'messages', 'read', 'rate [Hz]', 'gap, median [ms]', 'largest [ms]'
     late = 1e3 * run.contacts.latency
-    return figure(
-        html.table(rows, ('topic', 'messages', 'read', 'rate [Hz]', 'gap, median [ms]',
-                          'largest [ms]')),
+    yield 'Rates', html.table(rows, head), (
         'By the stamps of all messages; all else is of those that were read.' + (
             f' From a stamp to the publication of its contact: {percentile(late):.2f} ms in the '
             f'median, {percentile(late, 99):.2f} ms at 99 %.' if len(late) else '')
         + f' This run: {lost_images(run)} lost images.')
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command-line parser."""
+    arguments = Parser(
+        prog='report', formatter_class=Help, epilog=describe_scenes(),
+        description='Writes the content of a rosbag2 recording as one HTML page: a player of '
+        'images and estimates, the path of the pad, error, force, states, latency. Two recordings '
+        'are shown side by side. Exit status 2, and nothing written, if one cannot be read.')
+    add = arguments.add_argument
+    add('bags', nargs='+', metavar='BAG', help='one or two recordings: folders, .mcap or .db3')
+    add('-o', '--out', metavar='FILE.html', type=file_to_write('.html', '.htm'), required=True,
+        help='page to write')
+    add('--scene', help='scene that was simulated, for the true errors, see below')
+    add('--namespace', help='of the sensor, where a recording has several')
+    add('--json', action='store_true', help='print the summaries, one JSON object a line')
+    return arguments
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; exit status 2 if a recording cannot be read."""
+    with refusing('report', ValueError) as command:
+        options = parser().parse_args(argv)
+        if len(options.bags) > 2:
+            raise ConfigurationError(f'{len(options.bags)} recordings; one or two are shown')
+        scene = load_scene(options.scene) if options.scene else None
+        recordings = [read(path, scene, options.namespace) for path in options.bags]
+        make_report(options.out, *recordings)
+        for it in recordings if options.json else ():
+            print(to_json(it.summary))
+        print(f'report {options.out}', file=sys.stderr)
+    return command.status
+

@@ -1,5 +1,10 @@
-"""Self-contained web page; its content security policy forbids loading anything."""
+"""
+Self-contained web page and its parts; all texts of the parts are escaped.
+
+Its content security policy forbids loading anything.
+"""
 from base64 import b64encode
+from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
 from html import escape
 from importlib import resources
@@ -47,3 +52,38 @@ def make_page(title: str, body: str, scripts: tuple[str, ...], *, kind: str = ''
         f'<title>{escape(title)}</title><style>{read[0]}</style></head>'
         f'<body class="{kind}" data-colours="{json.dumps(COLOURS)}">\n{body}\n'
         + ''.join(f'\n<script>{script}</script>' for script in read[1:]) + '\n</body></html>\n')
+
+
+def table(rows: Iterable[Sequence[str]], head: Sequence[str] = ()) -> str:
+    """Return the HTML of a table of texts."""
+    heading = f'<tr>{"".join(f"<th>{escape(cell)}</th>" for cell in head)}</tr>' if head else ''
+    body = ''.join(f'<tr>{"".join(f"<td>{escape(cell)}</td>" for cell in row)}</tr>'
+                   for row in rows)
+    return f'<div class="rows"><table>{heading}{body}</table></div>'
+
+
+def numbers(rows: Iterable[tuple[str, str, str]]) -> str:
+    """Return the HTML of numbers: name, value and unit."""
+    return '<dl class="numbers">' + ''.join(
+        f'<div><dt>{escape(name[0].upper() + name[1:])}</dt>'
+        f'<dd>{escape(f"{value} {unit}".strip())}</dd></div>'
+        for name, value, unit in rows) + '</dl>'
+
+
+def charts(shown: Iterable[Mapping[str, Any]]) -> str:
+    """Return the HTML of charts, see `charts.chart`."""
+    return ''.join(
+        f'<canvas class="chart" role="img" aria-label="{escape(it["title"])}" '
+        f'data-chart="{_json(it)}"></canvas>' for it in shown)
+
+
+def player(data: Mapping[str, Any], canvases: Iterable[str]) -> str:
+    """Return the HTML of a player of data, see `charts.player`, with canvases by description."""
+    return f'<div class="player" data-run="{_json(data)}">' + ''.join(
+        f'<canvas role="img" aria-label="{escape(what)}"></canvas>' for what in canvases) + (
+        '<p></p><div class="controls"><button type="button">play</button>'
+        '<input type="range" min="0" value="0" aria-label="time"></div></div>')
+
+
+def _json(data: Mapping[str, Any]) -> str:
+    return escape(json.dumps(data, allow_nan=False))
