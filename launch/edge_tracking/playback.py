@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from edge_tracking.recording.record_bag import BagWriter
 from edge_tracking.recording.topics import topics
-from edge_tracking.recording.writer import BagWriter
 from edge_tracking.resources import NAMESPACE
 from tactile_common.parameter_file import ParameterFile
 from tactile_common.progress import Progress

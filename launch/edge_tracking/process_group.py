@@ -21,7 +21,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 
 from edge_tracking.graph import add_mocks, add_sensing, Graph
-from edge_tracking.record_bag import RecorderNode
+from edge_tracking.recording.record_bag import RecorderNode
 from edge_tracking.recording.topics import topics
 from tactile_common.ros.runner import freeze_heap
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode

@@ -16,7 +16,7 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-from edge_tracking.record_bag import RecorderNode
+from edge_tracking.recording.record_bag import RecorderNode
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.message_definitions import definition_of

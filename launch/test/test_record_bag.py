@@ -9,11 +9,11 @@ import pytest
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from edge_tracking import record_bag
 from edge_tracking.graph import Graph
+from edge_tracking.recording import record_bag
+from edge_tracking.recording.record_bag import BagWriter
 from edge_tracking.recording.settings import Settings
 from edge_tracking.recording.topics import GraphBag, topics, topics_to_record
-from edge_tracking.recording.writer import BagWriter
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.cdr import packed
@@ -30,7 +30,7 @@ def recorded(path):
 def recording(path):
     """Record in another process."""
     return subprocess.Popen(
-        [sys.executable, '-c', 'from edge_tracking.record_bag import main; exit(main())',
+        [sys.executable, '-c', 'from edge_tracking.recording.record_bag import main; exit(main())',
          str(path), '--namespace', '/left/'], stderr=subprocess.PIPE, text=True)
 
 

@@ -21,7 +21,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from edge_tracking.recording.writer import BagWriter
+from edge_tracking.recording.record_bag import BagWriter
 from edge_tracking.replay.command import bags_in, main, mapped, result_name
 from edge_tracking.replay.comparison import (
     Comparison,

@@ -16,8 +16,8 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
+from edge_tracking.recording.record_bag import BagWriter
 from edge_tracking.recording.topics import topics
-from edge_tracking.recording.writer import BagWriter
 from edge_tracking.replay.one import describe, Options, replay_one
 from edge_tracking.resources import share
 from tactile_common.parameter_file import ParameterFile

@@ -7,8 +7,8 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from edge_tracking.recording.record_bag import BagWriter
 from edge_tracking.recording.topics import KINDS, topics
-from edge_tracking.recording.writer import BagWriter
 from edge_tracking.replay.comparison import Comparison, Replayed
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.contact import Contact, REALS
