@@ -34,13 +34,8 @@ def clear_errors(path: str | os.PathLike) -> Iterator[None]:
     except OSError as error:
         raise ConfigurationError(f'{path}: cannot be read: {error.strerror or error}') from error
     except _DAMAGED as error:
-        kind = '.npy array' if _is_plain(path) else '.npz archive'
+        kind = '.npy array' if Path(path).suffix == '.npy' else '.npz archive'
         raise ConfigurationError(f'{path}: is not an {kind} of numbers, or damaged') from error
-
-
-def _is_plain(path: str | os.PathLike) -> bool:
-    """Return True if a file is a single array, not an archive."""
-    return Path(path).suffix == '.npy'
 
 
 def read_arrays(path: str | os.PathLike, names: Collection[str],
@@ -58,8 +53,8 @@ def read_arrays(path: str | os.PathLike, names: Collection[str],
     readers = {name: ArrayReader(path, name)
                for name in (*names, *(name for name in optional if f'{name}.npy' in there))}
     with clear_errors(path):
-        _refuse_above(MAX_WHOLE, sum(reader.size for reader in readers.values()),
-                      ' and '.join(f'{name} {reader.shape}' for name, reader in readers.items()))
+        refuse_above(MAX_WHOLE, sum(reader.size for reader in readers.values()),
+                     ' and '.join(f'{name} {reader.shape}' for name, reader in readers.items()))
     return {name: reader.read() for name, reader in readers.items()}
 
 
@@ -105,7 +100,8 @@ def scalar(name: str, value: np.ndarray) -> float:
     return float(value.item())
 
 
-def _refuse_above(most: int, size: int, what: str) -> None:
+def refuse_above(most: int, size: int, what: str) -> None:
+    """Raise a ConfigurationError if something has more bytes than allowed."""
     if size > most:
         raise ConfigurationError(
             f'{what} would take {size / 1e6:.0f} MB, at most {most / 1e6:.0f} MB are read')
@@ -114,7 +110,7 @@ def _refuse_above(most: int, size: int, what: str) -> None:
 @contextmanager
 def _opened(path: str | os.PathLike, name: str) -> Iterator[tuple[IO[bytes], int]]:
     """Open an `.npy` file, or one array of an archive; yields the stream and its length."""
-    if _is_plain(path):
+    if Path(path).suffix == '.npy':
         with open(path, 'rb') as stream:
             yield stream, os.fstat(stream.fileno()).st_size
         return
@@ -161,12 +157,12 @@ class ArrayReader:
                     f'{name} is damaged: {there} bytes do not hold an array of '
                     f'{self.shape} {self.dtype}')
             row = math.prod(self.shape[1:]) * self.dtype.itemsize
-            _refuse_above(MAX_ROW, row, f'a row of {name}, {self.shape[1:]} {self.dtype},')
+            refuse_above(MAX_ROW, row, f'a row of {name}, {self.shape[1:]} {self.dtype},')
 
     def read(self) -> np.ndarray:
         """Return the whole array, at most `MAX_WHOLE` bytes; raises a ConfigurationError."""
         with clear_errors(self._path):
-            _refuse_above(MAX_WHOLE, self.size, f'{self._name} {self.shape}')
+            refuse_above(MAX_WHOLE, self.size, f'{self._name} {self.shape}')
             (values,) = self._read((math.prod(self.shape),))
             return values.reshape(self.shape, order='F' if self._column_major else 'C')
 
@@ -174,8 +170,7 @@ class ArrayReader:
         """Yield chunks of `rows` rows (the last may be shorter); raises a ConfigurationError."""
         count = self.shape[0]
         if self._column_major:  # its rows are not contiguous
-            whole = self.read()
-            yield from (whole[first:first + rows] for first in range(0, count, rows))
+            yield from chunks_of(self.read(), rows)
             return
         row = math.prod(self.shape[1:])
         with clear_errors(self._path):
@@ -190,9 +185,14 @@ class ArrayReader:
                 yield np.frombuffer(stream.read(count * self.dtype.itemsize), self.dtype)
 
 
-class TableReader:
+def chunks_of(values: np.ndarray, rows: int) -> Iterator[np.ndarray]:
+    """Yield chunks of `rows` rows of an array; the last may be shorter."""
+    yield from (values[first:first + rows] for first in range(0, len(values), rows))
+
+
+def read_table(path: str | os.PathLike) -> np.ndarray:
     """
-    A table of numbers in a text file (`.csv`), with the interface of `ArrayReader`.
+    Read a table of numbers (rows, columns) from a text file (`.csv`).
 
     Commas, semicolons, tabs or blanks separate the numbers; between semicolons or tabs, a comma is
     a decimal point. The first line may be a header, also of column numbers 0, 1, 2 and so on.
@@ -204,34 +204,27 @@ class TableReader:
     ConfigurationError
         The file cannot be read, has more than `MAX_WHOLE` bytes, or is not such a table.
     """
-
-    def __init__(self, path: str | os.PathLike):
-        with clear_errors(path):
-            _refuse_above(MAX_WHOLE, os.path.getsize(path), 'the table (save it as .npy)')
-            text = Path(path).read_text('utf-8-sig', errors='replace')
-            lines = [line for line in map(str.strip, text.splitlines())
-                     if line and not line.startswith('#')]
-            separator = next((it for line in (*lines[-1:], *lines[:1])  # the first: a header?
-                              for it in ';\t,' if it in line), None)
-            if separator in (';', '\t'):
-                lines = [line.replace(',', '.') for line in lines]
-            if lines and _is_header(lines[0].removesuffix(separator or ' ').split(separator)):
-                del lines[0]
-            if not lines:
-                raise ConfigurationError('holds no row of numbers')
-            if separator and all(line.endswith(separator) for line in lines):
-                lines = [line[:-1] for line in lines]
-            whole = not set(''.join(lines)) - set('0123456789+-,; \t')
-            try:
-                self._table = np.loadtxt(
-                    lines, np.int64 if whole else np.float64, delimiter=separator, ndmin=2)
-            except ValueError as error:
-                raise ConfigurationError(f'is not a table of numbers: {error}') from error
-        self.shape, self.dtype = self._table.shape, self._table.dtype
-
-    def chunks(self, rows: int) -> Iterator[np.ndarray]:
-        """Yield chunks of `rows` rows; the last may be shorter."""
-        yield from (self._table[first:first + rows] for first in range(0, len(self._table), rows))
+    with clear_errors(path):
+        refuse_above(MAX_WHOLE, os.path.getsize(path), 'the table (save it as .npy)')
+        text = Path(path).read_text('utf-8-sig', errors='replace')
+        lines = [line for line in map(str.strip, text.splitlines())
+                 if line and not line.startswith('#')]
+        separator = next((it for line in (*lines[-1:], *lines[:1])  # the first: a header?
+                          for it in ';\t,' if it in line), None)
+        if separator in (';', '\t'):
+            lines = [line.replace(',', '.') for line in lines]
+        if lines and _is_header(lines[0].removesuffix(separator or ' ').split(separator)):
+            del lines[0]
+        if not lines:
+            raise ConfigurationError('holds no row of numbers')
+        if separator and all(line.endswith(separator) for line in lines):
+            lines = [line[:-1] for line in lines]
+        whole = not set(''.join(lines)) - set('0123456789+-,; \t')
+        try:
+            return np.loadtxt(
+                lines, np.int64 if whole else np.float64, delimiter=separator, ndmin=2)
+        except ValueError as error:
+            raise ConfigurationError(f'is not a table of numbers: {error}') from error
 
 
 def _is_header(cells: list[str]) -> bool:

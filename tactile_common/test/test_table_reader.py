@@ -3,11 +3,7 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_common.npz_stream import TableReader
-
-
-def read(path):
-    return np.concatenate(list(TableReader(path).chunks(2)))
+from tactile_common.npz_stream import read_table
 
 
 @pytest.mark.parametrize('text', [
@@ -24,21 +20,21 @@ def read(path):
 def test_ways_to_write_a_table(tmp_path, text):
     path = tmp_path / 't.csv'
     path.write_bytes(text.encode())
-    reader = TableReader(path)
-    assert reader.shape == (3, 3) and reader.dtype == np.float64
-    np.testing.assert_array_equal(read(path), [[1, 2.5, -3], [4, 5, 6], [7, 8, 9]])
+    table = read_table(path)
+    assert table.shape == (3, 3) and table.dtype == np.float64
+    np.testing.assert_array_equal(table, [[1, 2.5, -3], [4, 5, 6], [7, 8, 9]])
 
 
 def test_numbers_survive_as_saved_and_integers_are_told_from_them(tmp_path):
     table = np.random.default_rng(0).normal(0.0, 1e-3, (5, 7))
     table[2, 3] = np.nan
     np.savetxt(tmp_path / 't.csv', table, delimiter=',')
-    np.testing.assert_array_equal(read(tmp_path / 't.csv'), table)
+    np.testing.assert_array_equal(read_table(tmp_path / 't.csv'), table)
     path = tmp_path / 't.csv'
     path.write_text('1,-2\n3,4\n')
-    assert TableReader(path).dtype == read(path).dtype == np.int64
+    assert read_table(path).dtype == np.int64
     path.write_text('1,-2\n3,4.0\n')
-    assert TableReader(path).dtype == np.float64
+    assert read_table(path).dtype == np.float64
 
 
 @pytest.mark.parametrize('data, words', [
@@ -53,7 +49,7 @@ def test_what_is_no_table_is_named(tmp_path, data, words):
     path = tmp_path / 't.csv'
     path.write_bytes(data)
     with pytest.raises(ConfigurationError) as error:
-        read(path)
+        read_table(path)
     assert words in str(error.value) and str(error.value).startswith(f'{path}: ')
 
 
@@ -61,6 +57,6 @@ def test_a_large_table_is_refused_before_it_is_read_and_no_file_is_named(tmp_pat
     with open(tmp_path / 't.csv', 'wb') as file:
         file.truncate(80_000_000)
     with pytest.raises(ConfigurationError, match='save it as .npy.* would take 80 MB'):
-        read(tmp_path / 't.csv')
+        read_table(tmp_path / 't.csv')
     with pytest.raises(ConfigurationError, match=r'gone.csv: cannot be read: No such file'):
-        TableReader(tmp_path / 'gone.csv')
+        read_table(tmp_path / 'gone.csv')

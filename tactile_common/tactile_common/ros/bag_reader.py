@@ -150,24 +150,20 @@ class Bag:
         with self.clear_errors():
             for connection in wanted:
                 self._learn(connection)
-            missing = sum(connection.msgcount for connection in wanted)
-            for connection, time_ns, data in self._rows(wanted):
-                missing -= 1
-                yield Recorded(connection.topic, time_ns, data, self)
+            missing, time_ns = sum(connection.msgcount for connection in wanted), 0
+            try:
+                for connection, time_ns, data in (
+                        self._reader.messages(wanted) if wanted else ()):
+                    missing -= 1
+                    yield Recorded(connection.topic, time_ns, data, self)
+            except (OSError, ReaderError, *DAMAGE) as error:
+                raise ConfigurationError(
+                    f'cannot be read on from {1e-9 * time_ns:.3f} s: {_one_line(error)}'
+                ) from error
             if self._reader.cut:
                 raise ConfigurationError(self._reader.cut)
             if missing > 0:  # the reader skips records that it does not understand
                 raise ConfigurationError(f'{missing} messages in it are lost')
-
-    def _rows(self, wanted: list[Any]) -> Iterator[tuple[Any, int, Any]]:
-        last = 0
-        try:
-            for row in self._reader.messages(wanted) if wanted else ():
-                last = row[1]
-                yield row
-        except (OSError, ReaderError, *DAMAGE) as error:
-            raise ConfigurationError(
-                f'cannot be read on from {1e-9 * last:.3f} s: {_one_line(error)}') from error
 
     def decoded(self, topic: str, data: bytes) -> Any:
         """Decode the bytes of a message; one of `DAMAGE` if they are damaged."""

@@ -1,6 +1,7 @@
 """Frames of an array in `.npz`, `.npy` and `.csv` files, and their conversion to counts."""
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 import math
 from os import PathLike
 from pathlib import Path
@@ -11,10 +12,12 @@ import numpy as np
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import (
     ArrayReader,
+    chunks_of,
     MAX_WHOLE,
     read_arrays,
+    read_table,
+    refuse_above,
     scalar,
-    TableReader,
 )
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.frame_clock import MAX_RATE
@@ -36,8 +39,9 @@ class FrameReader:
 
     def __init__(self, path: str | PathLike, shape: Shape | None = None, source: str = '--shape'):
         table = Path(path).suffix == '.csv'
-        self._reader: Any = TableReader(path) if table else ArrayReader(path, 'frames')
-        there, self.dtype = self._reader.shape, self._reader.dtype
+        reader: Any = read_table(path) if table else ArrayReader(path, 'frames')
+        self._chunks = partial(chunks_of, reader) if table else reader.chunks
+        there, self.dtype = reader.shape, reader.dtype
         self.shape = there
         if shape and len(there) == 2 and there[1] == math.prod(shape):
             self.shape = there[0], *shape
@@ -62,16 +66,14 @@ class FrameReader:
 
     def chunks(self, rows: int) -> Iterator[np.ndarray]:
         """Yield the frames in order, `rows` at a time; the last chunk may be smaller."""
-        for part in self._reader.chunks(rows):
+        for part in self._chunks(rows):
             yield part.reshape(len(part), *self.shape[1:])
 
 
 def read_whole(path: str | PathLike, reader: Any) -> np.ndarray:
     """Return all frames of a reader; raise a ConfigurationError if they are too large."""
-    size = math.prod(reader.shape) * reader.dtype.itemsize
-    if size > MAX_WHOLE:
-        raise ConfigurationError(f'{path}: frames {reader.shape} would take {size / 1e6:.0f} MB, '
-                                 f'at most {MAX_WHOLE / 1e6:.0f} MB are read')
+    refuse_above(MAX_WHOLE, math.prod(reader.shape) * reader.dtype.itemsize,
+                 f'{path}: frames {reader.shape}')
     parts = [np.array(part) for part in reader.chunks(CHUNK)]
     return np.concatenate(parts) if parts else np.empty(reader.shape, reader.dtype)
 
