@@ -51,9 +51,10 @@ class LineDecoder(Decoder):
         if end < 0:
             if len(self._buffer) > self.buffer_bound:
                 self._looked, self._cut = 0, True
-                self._mismatch = (f'no end of a frame ({self.END!r}) in {len(self._buffer)} bytes,'
-                                  f' such as {bytes(self._buffer[:24])!r}')
-                return Piece(len(self._buffer) - len(self.END) + 1, good=False)
+                return self._refuse(
+                    len(self._buffer) - len(self.END) + 1,
+                    f'no end of a frame ({self.END!r}) in {len(self._buffer)} bytes, such as '
+                    f'{bytes(self._buffer[:24])!r}')
             self._looked = max(len(self._buffer) - len(self.END) + 1, 0)
             return None
         size, self._looked, cut = end + len(self.END), 0, self._cut
@@ -79,20 +80,18 @@ class CsvDecoder(LineDecoder):
     def _parse(self, text: bytes, size: int) -> Piece:
         values, (rows, columns) = numbers(text), self.shape
         if not values.size:
-            self._mismatch = f'lines must hold numbers alone, this one does not: {text[:40]!r}'
-            return Piece(size, good=False)
+            return self._refuse(
+                size, f'lines must hold numbers alone, this one does not: {text[:40]!r}')
         if values.size != rows * columns + self._stamped + self._checksum:
-            self._mismatch = (
-                f'a line holds {values.size} numbers, must hold {rows}x{columns} = '
+            return self._refuse(
+                size, f'a line holds {values.size} numbers, must hold {rows}x{columns} = '
                 f'{rows * columns}' + ', a stamp' * self._stamped + ', a checksum' * self._checksum
-                + ': see the options `stamp` and `checksum`')
-            return Piece(size, good=False, failed=self._checksum)
+                + ': see the options `stamp` and `checksum`', failed=self._checksum)
         if self._checksum:
             last, values = values[-1], values[:-1]
             if values.sum() % MODULUS != last:
-                self._mismatch = (f'the last number of a line is not the sum of the others '
-                                  f'modulo {MODULUS}: see the option `checksum`')
-                return Piece(size, good=False, failed=True)
+                return self._refuse(size, 'the last number of a line is not the sum of the others '
+                                    f'modulo {MODULUS}: see the option `checksum`', failed=True)
         if not self._stamped:
             return self._image(values, size)
         if not 0 <= values[0] < self.wrap:
@@ -133,9 +132,9 @@ class VitacDecoder(LineDecoder):
     def _parse(self, text: bytes, size: int) -> Piece:
         rows = [numbers(row) for row in text.rstrip(b'\r').split(b'\r\n')]
         if [row.size for row in rows] != [self.shape[1]] * self.shape[0]:
-            self._mismatch = (f'the sensor sends {len(rows)} rows of {rows[0].size} values, '
-                              f'{self.shape[0]} of {self.shape[1]} are expected')
-            return Piece(size, good=False)
+            return self._refuse(
+                size, f'the sensor sends {len(rows)} rows of {rows[0].size} values, '
+                f'{self.shape[0]} of {self.shape[1]} are expected')
         return self._image(np.concatenate(rows), size)
 
 

@@ -113,19 +113,22 @@ class Decoder:
         self._ticks: int | None = None  # of the last frame
         self.locked = False
 
+    def _refuse(self, size: int, why: str, failed: bool = False) -> Piece:
+        """Return bytes to discard; `explain` then says why."""
+        self._mismatch = why
+        return Piece(size, good=False, failed=failed)
+
     def _image(self, values: np.ndarray, size: int, ticks: int | None = None) -> Piece:
         """Return the Piece of a frame; it is not good if number or range of values is wrong."""
         (rows, columns), bounds = self.shape, np.iinfo(self._kind)
-        low, high = (values.min(), values.max()) if values.size else (0, 0)
         if values.size != rows * columns:
-            self._mismatch = (f'the sensor sends {values.size} values a frame, {rows}x{columns} = '
-                              f'{rows * columns} are expected')
-        elif not bounds.min <= low <= high <= bounds.max:
-            self._mismatch = (f'a value of {low if low < bounds.min else high:g} is no '
-                              f'{self._kind}: see `bits` and `signed` of the calibration')
-        else:
-            return Piece(size, np.rint(values).astype(self._kind).reshape(self.shape), ticks)
-        return Piece(size, good=False)
+            return self._refuse(size, f'the sensor sends {values.size} values a frame, '
+                                f'{rows}x{columns} = {rows * columns} are expected')
+        low, high = values.min(), values.max()
+        if not bounds.min <= low <= high <= bounds.max:
+            return self._refuse(size, f'a value of {low if low < bounds.min else high:g} is no '
+                                f'{self._kind}: see `bits` and `signed` of the calibration')
+        return Piece(size, np.rint(values).astype(self._kind).reshape(self.shape), ticks)
 
     def _tick(self, ticks: int) -> int | None:
         """Follow the device's clock; return how many frames were skipped, None: unknown."""

@@ -43,11 +43,9 @@ class TsfDecoder(PacketDecoder):
         self._finger = finger
 
     def start(self, rate: float) -> bytes:
-        """Return the command that starts frames at a rate [Hz]."""
         return packet(bytes([min(max(round(1e3 / rate), 1), 255)]))
 
     def stop(self) -> bytes:
-        """Return the command that makes the device stop sending frames."""
         return packet(b'\0')
 
     def _size(self) -> int:

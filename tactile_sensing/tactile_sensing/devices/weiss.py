@@ -7,6 +7,7 @@ Frames have id 00: time [ms] (u32), flags (bit 0: run-length coded), cells (u16;
 coded, the count in the upper four bits and the value in the lower twelve). All numbers are
 little-endian.
 """
+from binascii import crc_hqx
 from collections import deque
 from functools import partial
 import struct
@@ -29,13 +30,7 @@ HIGHEST = 4095  # of a run-length coded count
 NO_COMMAND = 4  # status of an unknown command; 0 is success
 
 
-def _row(value: int) -> int:
-    for _ in range(8):
-        value = (value << 1 ^ (0x1021 if value & 0x8000 else 0)) & 0xFFFF
-    return value
-
-
-_TABLE = [_row(byte << 8) for byte in range(256)]
+_TABLE = [crc_hqx(bytes([byte]), 0) for byte in range(256)]
 
 
 def crc16(data: bytes) -> int:
@@ -79,7 +74,6 @@ class WeissDecoder(PacketDecoder):
         self.buffer_bound = HEAD + self._most + 2
 
     def start(self, rate: float) -> bytes:
-        """Return the command that starts frames at a rate [Hz]."""
         if self._dsa:
             return packet(
                 DSA_CONFIGURE, struct.pack('<BH', ACQUIRE | self._rle, round(rate)), dsa=True)
@@ -87,7 +81,6 @@ class WeissDecoder(PacketDecoder):
         return packet(START, struct.pack('<BH', self._rle, period))
 
     def stop(self) -> bytes:
-        """Return the command that makes the device stop sending frames."""
         if self._dsa:
             return packet(DSA_CONFIGURE, struct.pack('<BH', 0, 0), dsa=True)
         return packet(STOP)
@@ -96,13 +89,13 @@ class WeissDecoder(PacketDecoder):
         command, size = struct.unpack_from('<BH', self._buffer, len(PREAMBLE))
         if size > self._most:
             if command == FRAME:
-                self._refuse((size - 5) // 2)
+                self._mismatch = self._wrong_size((size - 5) // 2)
             return 0
         return HEAD + size + (0 if self._dsa and not size else 2)
 
-    def _refuse(self, cells: int) -> None:
-        self._mismatch = (f'the sensor sends {cells} cells a frame, {self._cells} are expected: '
-                          'rows x columns, or the option `cells`')
+    def _wrong_size(self, cells: int) -> str:
+        return (f'the sensor sends {cells} cells a frame, {self._cells} are expected: '
+                'rows x columns, or the option `cells`')
 
     def _parse(self, packet: bytes) -> Piece | None:
         command, size = struct.unpack_from('<BH', packet, len(PREAMBLE))
@@ -121,8 +114,7 @@ class WeissDecoder(PacketDecoder):
         if flags & RUN_LENGTH:
             values = np.repeat(values & HIGHEST, values >> 12)
         if values.size != self._cells:
-            self._refuse(values.size)
-            return Piece(len(packet), good=False)
+            return self._refuse(len(packet), self._wrong_size(values.size))
         image = values[self._first:self._first + self.shape[0] * self.shape[1]]
         return self._image(image, len(packet), ticks)
 
