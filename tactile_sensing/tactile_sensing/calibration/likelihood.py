@@ -70,14 +70,6 @@ class Residuals(NamedTuple):
     weight: np.ndarray  # (N, tactels + 3)
 
 
-class System(NamedTuple):
-    """Normal equations: of the common numbers (KIND, levels), presses, gains and offsets."""
-
-    matrix: np.ndarray
-    right: np.ndarray
-    unknowns: Unknowns  # with fitted forces
-
-
 def skin_of(kind: np.ndarray) -> Skin:
     """Return the skin of the numbers (KIND,)."""
     depth, ratio = math.exp(kind[0]), min(max(kind[1], 0.0), 1.0)
@@ -94,10 +86,8 @@ def expected_forces(found: np.ndarray, known: np.ndarray, source: np.ndarray,
     """
     Return the expected forces of the presses (N,), and their standard deviations (N,).
 
-    The expected force is the `known` relative force, times the median ratio of fitted and
-    known forces of the same source. The standard deviation follows from the spread of all presses
-    and the relative `variance` of the fitted forces. A press that deviates too much keeps its
-    fitted force, with infinite standard deviation.
+    These are the `known` forces, scaled per source; `variance` is that of the `found` ones
+    [relative]. A press that deviates too much keeps its fitted force, with infinite deviation.
     """
     expected = known.astype(float)
     for name in np.unique(source):
@@ -220,8 +210,12 @@ class Likelihood:
         slope[range(count), -1, KIND + self.source] = -at.rest[:, -1] - 1.0
         return slope
 
-    def system(self, unknowns: Unknowns) -> System:
-        """Return the normal equations at the unknowns."""
+    def system(self, unknowns: Unknowns) -> tuple[np.ndarray, np.ndarray, Unknowns]:
+        """
+        Return matrix and right side of the normal equations, and the unknowns with fitted forces.
+
+        Their order is: the common numbers (KIND, levels), presses, gains and offsets.
+        """
         at, unknowns = self.residuals(unknowns)
         (count, tactels), common = at.model.shape, KIND + len(unknowns.level)
         slope = self.slopes(at, unknowns)
@@ -238,8 +232,8 @@ class Likelihood:
         off = np.zeros(len(prior))
         off[:KIND] = np.where(self.known < FIXED, unknowns.kind - self.usual, 0.0)
         off[-2 * tactels:] = *unknowns.gain, *unknowns.offset
-        return System(matrix + np.diag(prior),
-                      jacobian.T @ (weight * at.rest.ravel()) - prior * off, unknowns)
+        return (matrix + np.diag(prior),
+                jacobian.T @ (weight * at.rest.ravel()) - prior * off, unknowns)
 
     def chi(self, unknowns: Unknowns) -> float:
         """Return -2 times the log posterior, up to a constant."""
@@ -257,8 +251,8 @@ class Likelihood:
 
     def step(self, unknowns: Unknowns, longest: float) -> tuple[Unknowns, np.ndarray]:
         """Return the unknowns after a Gauss-Newton step; the unlimited step of kind and places."""
-        system = self.system(unknowns)
-        move = np.linalg.solve(system.matrix, system.right)
+        matrix, right, fitted = self.system(unknowns)
+        move = np.linalg.solve(matrix, right)
         wanted, common = move[:KIND].copy(), KIND + len(unknowns.level)
         part = min(1.0, longest / max(np.abs(wanted).max(), 1e-12))
         move *= part
@@ -267,7 +261,7 @@ class Likelihood:
         return Unknowns(
             np.clip(unknowns.kind + move[:KIND], LEAST, MOST),
             np.clip(unknowns.gain + gain, -0.7, 2.0), unknowns.offset + offset,
-            unknowns.places + places * self.pitch, system.unknowns.forces,
+            unknowns.places + places * self.pitch, fitted.forces,
             unknowns.level * np.exp(move[KIND:common])), np.append(wanted, places.ravel())
 
     def iterate(self, unknowns: Unknowns, steps: int = MOST_STEPS) -> Unknowns:
@@ -290,7 +284,7 @@ class Likelihood:
         """Estimate spread of gains, scatter and expected forces from a fit; return new levels."""
         at, unknowns = self.residuals(unknowns)
         model, tactels = at.model, at.model.shape[1]
-        covariance = np.linalg.inv(self.system(unknowns).matrix)
+        covariance = np.linalg.inv(self.system(unknowns)[0])
         variance = np.diag(covariance)[-2 * tactels:-tactels]
         determined = max(tactels - (variance / self.spread**2).sum(), 1.0)
         self.spread = min(max(math.sqrt((unknowns.gain**2).sum() / determined), LEAST_SPREAD), 0.5)

@@ -46,9 +46,9 @@ class Presses:
 
     def averaged(self) -> 'Presses':
         """Return presses in which consecutive frames that differ only by noise are averaged."""
-        groups: list[list[int]] = []
-        for i in range(len(self)):
-            if groups and self._is_like(i, groups[-1]):
+        groups = [[0]]
+        for i in range(1, len(self)):
+            if self._is_like(i, groups[-1]):
                 groups[-1].append(i)
             else:
                 groups.append([i])

@@ -120,9 +120,9 @@ def _start(problem: Likelihood) -> np.ndarray:
 
 def _result(problem: Likelihood, unknowns: Unknowns,
             unseen: np.ndarray | float = 0.0) -> SkinFit:
-    system = problem.system(unknowns)
-    inverse = np.linalg.inv(system.matrix)
-    at, unknowns = problem.residuals(system.unknowns)
+    matrix, _, unknowns = problem.system(unknowns)
+    inverse = np.linalg.inv(matrix)
+    at, unknowns = problem.residuals(unknowns)
     model, tactels, common = at.model, at.model.shape[1], KIND + len(unknowns.level)
     skin, live, rest = skin_of(unknowns.kind), np.isfinite(problem.values), at.rest[:, :tactels]
     # A common factor of all gains belongs to the levels: move the weighted mean gain there.
@@ -160,12 +160,8 @@ def _result(problem: Likelihood, unknowns: Unknowns,
 
 
 def _edge_force_std(problem: Likelihood, kind: np.ndarray, covariance: np.ndarray) -> float:
-    """
-    Return the common relative standard deviation of the forces of edges, due to gain and skin.
-
-    An error of the skin or the patch changes the gain that follows from the presses. For points
-    both errors compensate, because they are like the presses; for edges they do not.
-    """
+    """Return the relative error that forces of edges have in common, due to gain and skin."""
+    # For points these errors compensate, because they are like the presses; for edges not.
     def line(kind: np.ndarray) -> np.ndarray:
         return SkinPressure(skin_of(kind), *problem.size).line(
             problem.x[None, :], problem.y, 0.0, SLANT, 1.0)
