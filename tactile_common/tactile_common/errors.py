@@ -1,4 +1,6 @@
 """Errors that these packages raise on purpose."""
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class TactileError(Exception):
@@ -7,6 +9,15 @@ class TactileError(Exception):
 
 class ConfigurationError(TactileError, ValueError):
     """A value given by the user is missing or out of bounds; the message gives the reason."""
+
+
+@contextmanager
+def naming(what: str) -> Iterator[None]:
+    """Put what a ConfigurationError of a block is about, such as a file, before its message."""
+    try:
+        yield
+    except ConfigurationError as error:
+        raise ConfigurationError(f'{what}: {error}') from error
 
 
 class SurfaceError(TactileError, ValueError):

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from tactile_common.config import bounded, check_fields, one_of
-from tactile_common.errors import ConfigurationError
+from tactile_common.errors import ConfigurationError, naming
 from tactile_common.yaml_file import read_yaml
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.tare import (
@@ -302,10 +302,21 @@ def load_calibration(path: str | PathLike) -> Calibration:
     `[row, column]` pairs. Raises a ConfigurationError that names the file if a key is missing,
     unknown or out of bounds.
     """
-    try:
-        return _from_mapping(read_yaml(path), str(path))
-    except ConfigurationError as error:
-        raise ConfigurationError(f'calibration {path}: {error}') from error
+    with naming(f'calibration {path}'):
+        values = read_yaml(path)
+        if not isinstance(values, dict):
+            raise ConfigurationError('must be a mapping of keys to values')
+        unknown = sorted(str(key) for key in set(values) - _FILE_KEYS)
+        if unknown:
+            raise ConfigurationError(
+                f'unknown key {unknown[0]!r}, must be one of {", ".join(sorted(_FILE_KEYS))}')
+        for key in ('rows', 'columns', 'pitch', 'gain'):
+            if key not in values:
+                raise ConfigurationError(f'key {key!r} is missing')
+        array = TactelArray(values.pop('rows'), values.pop('columns'),
+                            *pitch_pair(values.pop('pitch')))
+        dead = _indices(values.pop('dead_tactels', None) or [], array)
+        return Calibration(array, dead_tactels=dead, source=str(path), **values)
 
 
 def save_calibration(calibration: Calibration, path: str | PathLike) -> None:
@@ -335,23 +346,6 @@ def _tidy(values: np.ndarray) -> float | list[list[float]]:
     """Return one number if all are equal, else rows of numbers; rounded to five digits."""
     rows = [[float(f'{value:.5g}') for value in row] for row in values]
     return rows[0][0] if len({value for row in rows for value in row}) == 1 else rows
-
-
-def _from_mapping(values: Any, source: str) -> Calibration:
-    if not isinstance(values, dict):
-        raise ConfigurationError('must be a mapping of keys to values')
-    unknown = sorted(str(key) for key in set(values) - _FILE_KEYS)
-    if unknown:
-        raise ConfigurationError(
-            f'unknown key {unknown[0]!r}, must be one of {", ".join(sorted(_FILE_KEYS))}')
-    for key in ('rows', 'columns', 'pitch', 'gain'):
-        if key not in values:
-            raise ConfigurationError(f'key {key!r} is missing')
-    values = dict(values)
-    array = TactelArray(values.pop('rows'), values.pop('columns'),
-                        *pitch_pair(values.pop('pitch')))
-    dead = _indices(values.pop('dead_tactels', None) or [], array)
-    return Calibration(array, dead_tactels=dead, source=source, **values)
 
 
 def _indices(pairs: Any, array: TactelArray) -> tuple[int, ...]:
