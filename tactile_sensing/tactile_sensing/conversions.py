@@ -14,7 +14,7 @@ from geometry_msgs.msg import WrenchStamped
 import numpy as np
 
 from tactile_common.errors import TactileError
-from tactile_common.ros.conversions import NS, stamp_from_ns, stamp_to_ns
+from tactile_common.ros.conversions import set_stamp, stamp_from_ns, stamp_to_ns
 from tactile_msgs import msg as tactile_msgs
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, PARAMETERS, REALS, Reason
@@ -40,9 +40,7 @@ def image_to_msg(image: TactileImage, into: Any = None) -> Any:
         message.layers = [tactile_msgs.TactileLayer() for _ in image.layers]
     for layer, layer_message in zip(image.layers, message.layers, strict=True):
         _layer_to_msg(layer, layer_message)
-    _set_header(message.header, image)
-    _set_array(message, image.array)
-    return message
+    return _set_header_and_array(message, image)
 
 
 def image_from_msg(message: Any) -> TactileImage:
@@ -93,9 +91,7 @@ def sensor_info_to_msg(info: SensorInfo) -> Any:
         dead_tactels=array('I', info.dead_tactels), tared_at=stamp_from_ns(info.tared_at_ns),
         **{name: getattr(info, name) for name in _INFO_TEXTS},
         **{name: float(getattr(info, name)) for name in _INFO_REALS})
-    _set_header(message.header, info)
-    _set_array(message, info.array)
-    return message
+    return _set_header_and_array(message, info)
 
 
 def sensor_info_from_msg(message: Any) -> SensorInfo:
@@ -140,8 +136,7 @@ def contact_to_msg(
     centre = message.centre_of_pressure
     centre.x, centre.y = float(x), float(y)
     centre.z = 0.0 if math.isfinite(x) else math.nan
-    message.latency.sec, message.latency.nanosec = divmod(
-        now_ns - stamp_to_ns(image_message.header.stamp), NS)
+    set_stamp(message.latency, now_ns - stamp_to_ns(image_message.header.stamp))
     return message
 
 
@@ -183,14 +178,12 @@ def _copy_header(source: Any, header: Any) -> None:
     header.frame_id = source.frame_id
 
 
-def _set_header(header: Any, source: TactileImage | SensorInfo) -> None:
-    header.stamp = stamp_from_ns(source.stamp_ns)
-    header.frame_id = source.frame_id
-
-
-def _set_array(message: Any, geometry: TactelArray) -> None:
+def _set_header_and_array(message: Any, source: TactileImage | SensorInfo) -> Any:
+    header, geometry = message.header, source.array
+    header.stamp, header.frame_id = stamp_from_ns(source.stamp_ns), source.frame_id
     message.rows, message.columns = geometry.rows, geometry.columns
     message.pitch_x, message.pitch_y = float(geometry.pitch_x), float(geometry.pitch_y)
+    return message
 
 
 def _array_from_msg(message: Any) -> TactelArray:

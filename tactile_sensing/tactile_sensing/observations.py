@@ -31,12 +31,7 @@ class Observation:
     _row: Recorded
 
     def value(self) -> Any:
-        """
-        Return the TactileImage, Contact or pose (4, 4).
-
-        Raises a ConfigurationError if the message is damaged, or has an older definition that
-        lacks a field.
-        """
+        """Return the TactileImage, Contact or pose (4, 4); ConfigurationError if damaged."""
         with self._row.reading():
             return _CONVERTED[self.kind](self._row.message)
 
