@@ -1,5 +1,6 @@
 """Read frames with stamps from a serial port that may disappear and return; without a thread."""
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager
 import logging
 import threading
 import time
@@ -25,7 +26,7 @@ class SensorSilentError(TactileError):
     """The port is open but no image arrives; the message says why."""
 
 
-class SensorStream:
+class SensorStream(Iterator[SensorImage], AbstractContextManager):
     """
     Open the port of a sensor, start the sensor and read it; reopen the port whenever it is lost.
 
@@ -57,14 +58,8 @@ class SensorStream:
         self._images: list[SensorImage] = []  # not yet returned by iteration, the oldest last
         self.closed = threading.Event()
 
-    def __enter__(self) -> 'SensorStream':
-        return self
-
     def __exit__(self, *_: Any) -> None:
         self.close()
-
-    def __iter__(self) -> 'SensorStream':
-        return self
 
     def __next__(self) -> SensorImage:
         begin = time.monotonic()
