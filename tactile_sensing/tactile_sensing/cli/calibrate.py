@@ -145,19 +145,19 @@ def record(options: argparse.Namespace) -> None:
 
 def read_recordings(options: argparse.Namespace) -> dict[str, np.ndarray]:
     """Read the files of the options; set missing options for the counts from a bag."""
-    return {name: _read(path, options) for name in RECORDED if (path := getattr(options, name))}
-
-
-def _read(path: str, options: argparse.Namespace) -> np.ndarray:
-    shape = tuple(options.shape) if options.shape else None
-    reader = counts_reader(path, shape, source='--shape')
-    values = read_counts(path, reader, options.resolution).astype(float)
-    if not np.isfinite(values).all():
-        raise ConfigurationError(f'{path}: frames holds values that are not finite')
-    if is_bag(path) and options.bits is None:
-        options.bits = reader.bits
-        options.signed = options.signed or ('no', 'yes')[reader.signed]
-    return values
+    found, shape = {}, tuple(options.shape) if options.shape else None
+    for name in RECORDED:
+        path = getattr(options, name)
+        if not path:
+            continue
+        reader = counts_reader(path, shape, source='--shape')
+        found[name] = read_counts(path, reader, options.resolution).astype(float)
+        if not np.isfinite(found[name]).all():
+            raise ConfigurationError(f'{path}: frames holds values that are not finite')
+        if is_bag(path) and options.bits is None:
+            options.bits = reader.bits
+            options.signed = options.signed or ('no', 'yes')[reader.signed]
+    return found
 
 
 def read_known(options: argparse.Namespace) -> Known:
