@@ -130,8 +130,8 @@ def record(options: argparse.Namespace) -> None:
             answer = input(text)
             sensor.forget()
             return answer
-        (rows, columns), (pitch_x, pitch_y) = options.shape, pitch_pair(options.pitch)
-        array = TactelArray(rows, columns, pitch_x, pitch_y)
+        rows, columns = options.shape
+        array = TactelArray(rows, columns, *pitch_pair(options.pitch))
         try:
             Recorder(Path(options.live), array, look, ask, print).run()
         except EOFError:

@@ -2,22 +2,17 @@
 
 import argparse
 from collections.abc import Callable, Iterator
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, replace
 from itertools import islice
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tactile_common.command_line import reading_bags
 from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.cli.options import (
-    counts_reader,
-    in_counts,
-    is_bag,
-    read_counts,
-)
+from tactile_sensing.cli.options import counts_reader, in_counts, is_bag, read_counts
 from tactile_sensing.contact.estimator import ContactEstimator, METHODS
 from tactile_sensing.devices.calibration import Calibration, load_calibration, pitch_pair
 from tactile_sensing.devices.recording import CHUNK, FrameReader
@@ -29,52 +24,51 @@ from tactile_sensing.types.image import COMPONENTS, Layer, TactileImage
 CHUNK_BYTES = 1 << 20
 
 
-@dataclass
-class Frames:
-    """Frames of a file, and their conversion to stress."""
+class Source(NamedTuple):
+    """Frames of a file or bag, and how their sensor measures."""
 
-    reader: Any
-    array: TactelArray
-    layers: list[Layer]  # without their stress
-    to_stress: Callable[[np.ndarray, int], np.ndarray]  # takes frames and the number of the first
-    tactel: str | None = None  # 'area' or 'point', if known
+    total: int  # number of frames
+    records: Callable[[ContactEstimator], Iterator[np.ndarray]]  # estimates in order, in chunks
     dtype: np.dtype = RECORD
+    tactel: str | None = None  # 'area' or 'point', if known
 
-    @property
-    def total(self) -> int:
-        """Number of frames."""
-        return self.reader.shape[0]
 
-    def records(self, estimator: ContactEstimator) -> Iterator[np.ndarray]:
-        """Yield the estimates of all frames in order, as chunks of records."""
-        frame_size, done = math.prod(self.reader.shape[1:]) * self.reader.dtype.itemsize, 0
-        for frames in self.reader.chunks(min(max(CHUNK_BYTES // frame_size, 1), CHUNK)):
-            stress = self.to_stress(frames, done)
+def source_of(options: argparse.Namespace) -> Source:
+    """Return the source of the frames for the options."""
+    if options.calibration:
+        return _calibrated(options)
+    return _images(options) if is_bag(options.frames) else _plain(options)
+
+
+def _frames(reader: Any, array: TactelArray, layers: list[Layer],
+            to_stress: Callable[[np.ndarray, int], np.ndarray],
+            tactel: str | None = None) -> Source:
+    """Return the frames of a reader; `to_stress` takes frames and the number of the first one."""
+    def records(estimator: ContactEstimator) -> Iterator[np.ndarray]:
+        frame_size, done = math.prod(reader.shape[1:]) * reader.dtype.itemsize, 0
+        for frames in reader.chunks(min(max(CHUNK_BYTES // frame_size, 1), CHUNK)):
+            stress = to_stress(frames, done)
             done += len(frames)
-            yield estimator.estimate_batch(stress, self.array, self.layers)
+            yield estimator.estimate_batch(stress, array, layers)
+    return Source(reader.shape[0], records, tactel=tactel)
 
 
-class Images:
-    """Images of a bag; they contain the properties of their sensor."""
+def _images(options: argparse.Namespace) -> Source:
+    """Return the images of a bag; they contain the properties of their sensor."""
+    with reading_bags():
+        from tactile_sensing.observations import RecordedImages
+    images, noise = RecordedImages(options.frames, options.namespace), options.noise
 
-    tactel, dtype = None, STAMPED
+    def completed(image: TactileImage) -> TactileImage:
+        return image if noise is None else replace(image, layers=tuple(
+            replace(layer, noise_std=noise) for layer in image.layers))
 
-    def __init__(self, options: argparse.Namespace):
-        with reading_bags():
-            from tactile_sensing.observations import RecordedImages
-        self._images = RecordedImages(options.frames, options.namespace)
-        self.total, self._noise = self._images.total, options.noise
-
-    def records(self, estimator: ContactEstimator) -> Iterator[np.ndarray]:
-        """Yield the estimates of all images in order, as chunks of records."""
-        found = (_record(image.stamp_ns, estimator.estimate(self._completed(image)))
-                 for image in self._images)
+    def records(estimator: ContactEstimator) -> Iterator[np.ndarray]:
+        found = (_record(image.stamp_ns, estimator.estimate(completed(image)))
+                 for image in images)
         while some := list(islice(found, CHUNK)):
             yield np.array(some, STAMPED)
-
-    def _completed(self, image: TactileImage) -> TactileImage:
-        return image if self._noise is None else replace(image, layers=tuple(
-            replace(layer, noise_std=self._noise) for layer in image.layers))
+    return Source(images.total, records, STAMPED)
 
 
 def _record(stamp_ns: int, contact: Contact) -> tuple:
@@ -84,13 +78,6 @@ def _record(stamp_ns: int, contact: Contact) -> tuple:
     if not contact.valid:
         values |= dict.fromkeys(REALS, np.nan)
     return *values.values(), 1e-9 * stamp_ns
-
-
-def source_of(options: argparse.Namespace) -> Frames | Images:
-    """Return the source of the frames for the options."""
-    if options.calibration:
-        return _calibrated(options)
-    return Images(options) if is_bag(options.frames) else _plain(options)
 
 
 def parse_layers(text: str) -> tuple[tuple[str, float], ...]:
@@ -112,7 +99,7 @@ def parse_layers(text: str) -> tuple[tuple[str, float], ...]:
     return tuple(layers)
 
 
-def _plain(options: argparse.Namespace) -> Frames:
+def _plain(options: argparse.Namespace) -> Source:
     """Return frames of stress from a sensor that the options describe."""
     reader = FrameReader(options.frames, options.shape and tuple(options.shape))
     if reader.dtype.kind != 'f' and options.scale is None:
@@ -123,7 +110,6 @@ def _plain(options: argparse.Namespace) -> Frames:
     # A depth of 0 means an unknown skin; then there are no forces.
     unit = 'Pa' if options.layers is not None else 'counts'
     layers = (('zz', 0.0),) if options.layers is None else parse_layers(options.layers)
-    pitch_x, pitch_y = pitch_pair(options.pitch)
     there = 1 if len(reader.shape) == 3 else reader.shape[1]
     if there != len(layers):
         raise ConfigurationError(
@@ -133,14 +119,14 @@ def _plain(options: argparse.Namespace) -> Frames:
         raise ConfigurationError(f'--method {options.method} needs --layers: a closed form of the '
                                  'thesis takes the depth of the tactels')
     scale, (rows, columns) = options.scale or 1.0, reader.shape[-2:]
-    return Frames(
-        reader, TactelArray(rows, columns, pitch_x, pitch_y),
+    return _frames(
+        reader, TactelArray(rows, columns, *pitch_pair(options.pitch)),
         [Layer(*layer, np.empty(0), unit=unit, noise_std=options.noise or 0.0)
          for layer in layers],
         lambda frames, first: scale * frames.astype(np.float64))
 
 
-def _calibrated(options: argparse.Namespace) -> Frames:
+def _calibrated(options: argparse.Namespace) -> Source:
     """Return frames of counts from a sensor that a calibration describes."""
     calibration, tare = load_calibration(options.calibration), None
     reader = counts_reader(options.frames, calibration.raw_shape, options.namespace)
@@ -162,7 +148,7 @@ def _calibrated(options: argparse.Namespace) -> Frames:
         # Saturated, not dead (NaN).
         stress[calibration.full(calibration.arrange(counts))] = layer.full_scale
         return stress
-    return Frames(reader, calibration.array, [layer], to_stress, calibration.tactel or None)
+    return _frames(reader, calibration.array, [layer], to_stress, calibration.tactel or None)
 
 
 def _check_counts(options: argparse.Namespace, calibration: Calibration, counts: np.ndarray,

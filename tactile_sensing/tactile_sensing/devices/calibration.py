@@ -160,10 +160,10 @@ class Calibration:
         The pitch is one length, or two along x and y [m]. `values` are other fields of the class.
         The default depth of the tactels is the smaller pitch.
         """
-        pitch_x, pitch_y = pitch_pair(pitch)
+        array = TactelArray(rows, columns, *pitch_pair(pitch))
         values = {'unit': 'counts', 'model': 'uncalibrated', 'source': 'none',
-                  'depth': float(min(pitch_x, pitch_y)), **values}
-        return cls(TactelArray(rows, columns, pitch_x, pitch_y), **values)
+                  'depth': float(min(array.pitch_x, array.pitch_y)), **values}
+        return cls(array, **values)
 
     def make_tare(self, frames: Sequence[np.ndarray] | np.ndarray,
                   before: Tare | None = None) -> Tare:
