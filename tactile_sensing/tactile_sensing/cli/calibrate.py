@@ -1,21 +1,14 @@
 """Command `calibrate`: make a calibration file from recordings of raw counts."""
 
 import argparse
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 import sys
 from typing import Any
 
 import numpy as np
 
-from tactile_common.command_line import (
-    between,
-    FAILED,
-    file_to_write,
-    Parser,
-    PICTURES,
-    refusing,
-)
+from tactile_common.command_line import between, FAILED, file_to_write, Parser, PICTURES, refusing
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays
 from tactile_common.progress import Progress
@@ -131,7 +124,7 @@ def record(options: argparse.Namespace) -> None:
             sensor.forget()
             return answer
         rows, columns = options.shape
-        array = TactelArray(rows, columns, *pitch_pair(options.pitch))
+        array = TactelArray(rows, columns, *options.pitch)
         try:
             Recorder(Path(options.live), array, look, ask, print).run()
         except EOFError:
@@ -160,12 +153,10 @@ def read_recordings(options: argparse.Namespace) -> dict[str, np.ndarray]:
     return found
 
 
-def read_known(options: argparse.Namespace) -> Known:
-    """Return the known values of sensor and ball from the options, without the forces."""
-    if options.thickness and not options.depth:
-        raise ConfigurationError('--thickness needs --depth')
-    same = {item.name for item in fields(Known)} - {'pitch', 'signed', 'force'}
-    return Known(pitch_pair(options.pitch), signed=options.signed and options.signed == 'yes',
+def read_known(options: argparse.Namespace, force: np.ndarray | None) -> Known:
+    """Return the known values of sensor and ball from the options."""
+    same = {item.name for item in fields(Known)} - {'signed', 'force'}
+    return Known(signed=options.signed and options.signed == 'yes', force=force,
                  **{name: getattr(options, name) for name in same})
 
 
@@ -212,12 +203,14 @@ def _plain(value: Any) -> str:
 
 def run(options: argparse.Namespace) -> bool:
     """Calibrate and print the result; return whether it can be trusted."""
-    read_known(options)  # raises for contradictory options before anything is recorded
+    if options.thickness and not options.depth:
+        raise ConfigurationError('--thickness needs --depth')
+    options.pitch = pitch_pair(options.pitch)
     if options.live:
         record(options)
     recordings = read_recordings(options)
     force = read_force(options, len(recordings.get('ball', ())))
-    known = replace(read_known(options), force=force)
+    known = read_known(options, force)
     with Progress(STEPS, 1.0) as progress:
         done = iter(range(1, STEPS + 1))
         outcome = calibrate(recordings, known, lambda text: progress.show(
