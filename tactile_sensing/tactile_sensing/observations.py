@@ -37,12 +37,7 @@ class Observation:
 
 
 def observations(bag: Bag, topics: Mapping[str, str]) -> Iterator[Observation]:
-    """
-    Yield the recorded messages in the order of reception.
-
-    `topics` maps the topics to read to their kind; a topic may be missing. Raises a
-    ConfigurationError if the bag is damaged.
-    """
+    """Yield the messages of topics, given with their kinds, as received; one may be missing."""
     for row in bag.messages(topics):
         yield Observation(topics[row.topic], row.stamp_ns, row)
 
@@ -102,11 +97,7 @@ class RecordedCounts(RecordedImages):
         return int(full).bit_length() + self.signed if full >= 1.0 and full % 1.0 == 0 else None
 
     def chunks(self, rows: int) -> Iterator[np.ndarray]:
-        """
-        Yield chunks of frames of counts, (n, rows, columns), where n is at most `rows`.
-
-        Raises a ConfigurationError if an image is tared or calibrated.
-        """
+        """Yield chunks of frames of counts; ConfigurationError if tared or calibrated."""
         counts = (_raw_counts(image) for image in self)
         while frames := list(islice(counts, rows)):
             yield np.array(frames)

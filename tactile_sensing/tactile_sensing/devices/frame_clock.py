@@ -207,11 +207,7 @@ class FrameClock:
         return max(STALL_PERIODS * period_ns, STALL_NS) if period_ns else NS
 
     def _judge(self, frame: Frame, first_ns: int, last_ns: int, read_ns: int) -> int | None:
-        """
-        Return the stamp of a frame [ns] from the times of its bytes; None: rejected.
-
-        The last byte was read at `read_ns`; `last_ns` is when it is assumed to have arrived.
-        """
+        """Return the stamp of a frame [ns], None: rejected; `last_ns` is its assumed arrival."""
         took_ns = max(last_ns - first_ns, 0)
         if took_ns >= self._stall_ns():
             self.stalled += 1
