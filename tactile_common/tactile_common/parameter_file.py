@@ -1,12 +1,12 @@
 """Reader of ROS 2 parameter files without ROS: sections by node names, with wildcards."""
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 import os
 import re
 from typing import Any, NamedTuple
 
 from tactile_common.config import built, checked, did_you_mean
-from tactile_common.errors import ConfigurationError
+from tactile_common.errors import ConfigurationError, naming
 from tactile_common.yaml_file import read_yaml
 
 # Parameters that every node has.
@@ -60,13 +60,10 @@ class ParameterFile:
         """Return an error that names the file."""
         return ConfigurationError(f'parameter file {self.path}: {what}')
 
-    @contextmanager
-    def _naming(self, where: str = '') -> Iterator[None]:
+    def _naming(self, *part: str) -> AbstractContextManager:
         """Name the file, if any, and a part of it in errors."""
-        try:
-            yield
-        except ConfigurationError as error:
-            raise (error if self.path is None else self.error(f'{where}{error}')) from error
+        return nullcontext() if self.path is None else naming(
+            ': '.join((f'parameter file {self.path}', *part)))
 
     def values(self, node: str) -> dict[str, Any]:
         """Return the parameters for a node by its full name, such as `/tactile/driver`."""
@@ -76,13 +73,13 @@ class ParameterFile:
     def config(self, node: str, config: type, given: Mapping[str, Any] | None = None) -> Any:
         """Build a node's configuration; `given` overrides the file; raises ConfigurationError."""
         values = {**self.values(node), **(given or {})}
-        with self._naming(f'{node}: '):
+        with self._naming(node):
             return built(config, lambda name, default, kind, metadata: checked(
                 name, values.get(name, default), kind, metadata))
 
     def refuse_unknown(self, section: str, values: Iterable[str], known: Iterable[str]) -> None:
         """Raise a ConfigurationError if a parameter of a section is unknown."""
-        with self._naming(f'{section}: '):
+        with self._naming(section):
             refuse_unknown(values, known)
 
 
