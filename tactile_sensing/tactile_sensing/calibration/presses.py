@@ -75,16 +75,13 @@ def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict
     `saturated` (N,) is the number of tactels at full scale in every frame. Frames of a held press
     are averaged. At most `MOST_PRESSES`, evenly in time, are kept.
     """
-    bad, good = {}, []
-    for i, values in enumerate(presses.values):
-        reason = why_not(values, presses.noise[i], presses.array, int(saturated[i]))
-        if reason:
-            bad[int(presses.number[i])] = reason
-        else:
-            good.append(i)
-    if not good:
-        return presses.only(np.zeros(0, int)), bad
-    presses = presses.only(np.array(good)).averaged()
+    reasons = [why_not(values, noise, presses.array, int(full)) for values, noise, full in zip(
+        presses.values, presses.noise, saturated, strict=True)]
+    bad = {int(k): why for k, why in zip(presses.number, reasons, strict=True) if why}
+    presses = presses.only(np.array([not why for why in reasons]))
+    if not len(presses):
+        return presses, bad
+    presses = presses.averaged()
     some = np.linspace(0, len(presses) - 1, min(len(presses), MOST_PRESSES))
     return presses.only(np.rint(some).astype(int)), bad
 

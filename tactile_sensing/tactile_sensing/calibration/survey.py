@@ -96,18 +96,16 @@ def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tact
     live = np.ones(frames.shape[1:], bool)
     offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
     usual = float(np.median(noise))
-    dead = {}
-    for place in np.argwhere(noise > MOST_NOISE * usual):
-        dead[tuple(place.tolist())] = f'noise {noise[tuple(place)]:.1f} counts'
-    for place in np.argwhere(offset >= counts.saturation - 1):
-        dead[tuple(place.tolist())] = 'at full scale without load'
-    never = np.zeros(live.shape, bool)
+    silent = never = np.zeros(live.shape, bool)
     if loaded:
         silent, never = _silent(np.concatenate(loaded), offset, usual)
-        dead |= {tuple(place.tolist()): 'shows nothing under load'
-                 for place in np.argwhere(silent)}
-    for place in dead:
-        live[place] = False
+    dead = {}
+    for faulty, text in ((noise > MOST_NOISE * usual, 'noise {:.1f} counts'),
+                         (offset >= counts.saturation - 1, 'at full scale without load'),
+                         (silent, 'shows nothing under load')):
+        for row, column in np.argwhere(faulty).tolist():
+            dead[row, column] = text.format(noise[row, column])
+        live[faulty] = False
     offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
     values = np.unique(np.concatenate([
         np.rint(it[np.isfinite(it)]).ravel() for it in (frames, *loaded)]))
