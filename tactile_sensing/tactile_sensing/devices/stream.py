@@ -26,7 +26,7 @@ class SensorSilentError(TactileError):
     """The port is open but no image arrives; the message says why."""
 
 
-class SensorStream(Iterator[SensorImage], AbstractContextManager):
+class SensorStream(Iterator[SensorImage], AbstractContextManager['SensorStream']):
     """
     Open the port of a sensor, start the sensor and read it; reopen the port whenever it is lost.
 
