@@ -37,7 +37,11 @@ class Observation:
 
 
 def observations(bag: Bag, topics: Mapping[str, str]) -> Iterator[Observation]:
-    """Yield the messages of topics, given with their kinds, as received; one may be missing."""
+    """
+    Yield the messages of topics, given with their kinds, as received; one may be missing.
+
+    Raises a ConfigurationError if the bag is damaged.
+    """
     for row in bag.messages(topics):
         yield Observation(topics[row.topic], row.stamp_ns, row)
 
