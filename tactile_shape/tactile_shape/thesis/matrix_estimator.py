@@ -64,8 +64,6 @@ class MatrixEstimator(SurfaceEstimator):
         known: dict[str, Any] = {'extent': float(steps.sum()), 'samples': len(contacts),
                                  'residual': fit.residual / NORMAL_NOISE}
         try:
-            if fit.surface is None:
-                raise SurfaceError('no normal was seen')
             local = fit.surface.normalised()
             curvature, directions = local.curvatures()
         except SurfaceError:
@@ -89,11 +87,7 @@ class MatrixEstimator(SurfaceEstimator):
 
 
 def _certainty(fit: MatrixFit, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """
-    Return the covariance of the principal curvatures and which of them are seen.
-
-    Unseen curvatures have the variance of the prior.
-    """
+    """Return the covariance of the principal curvatures, and which of them are seen."""
     gradient = np.zeros((2, 10))
     for row, (x, y, _) in zip(gradient, directions.T[:2], strict=True):
         row[_CURVATURE] = -2.0 * np.array([x * x, 2.0 * x * y, y * y])

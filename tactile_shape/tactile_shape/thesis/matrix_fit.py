@@ -3,7 +3,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_common.errors import SurfaceError
 from tactile_shape.types.surface_matrix import PARAMETERS, SurfaceMatrix
 
 _NO_UNIT = [PARAMETERS.index(name) for name in ('c14', 'c24', 'c34')]
@@ -14,15 +13,19 @@ PRECISION = 1e-12  # least singular value above rounding errors, as a share of t
 
 @dataclass(frozen=True, eq=False)
 class MatrixFit:
-    """Surface matrix in the current contact frame, and which parameters the data determine."""
+    """Parameters in the current contact frame, and which of them the data determine."""
 
-    surface: SurfaceMatrix | None  # None if not even a normal was seen; unseen directions are 0
-    parameters: np.ndarray  # (10,), as PARAMETERS; c44 is 0 by definition of the frame
+    parameters: np.ndarray  # (10,), as PARAMETERS; unseen directions are 0, and c44 by definition
     rank: int  # number of seen independent combinations of the other nine parameters
     unseen: np.ndarray  # (9 - rank, 10), combinations of length 1 that the contacts do not show
     unseen_names: tuple[str, ...]  # parameters in these combinations
     covariance: np.ndarray  # (10, 10), of the seen part, from residuals and `normal_noise`
     residual: float  # RMS of the normals' residuals [rad]
+
+    @property
+    def surface(self) -> SurfaceMatrix:
+        """The matrix of the parameters; SurfaceError if not even a normal was seen."""
+        return SurfaceMatrix.from_parameters(self.parameters)
 
 
 def fit_matrix(points: np.ndarray, normals: np.ndarray, *, position_noise: float = 0.0,
@@ -65,12 +68,8 @@ def fit_matrix(points: np.ndarray, normals: np.ndarray, *, position_noise: float
     unseen = np.zeros((9 - rank, 10))
     unseen[:, :_KNOWN] = right[rank:]
     shares = np.any(np.abs(unseen) > 0.1, axis=0).tolist()
-    try:
-        surface = SurfaceMatrix.from_parameters(scaled * scale)
-    except SurfaceError:
-        surface = None
     return MatrixFit(
-        surface, scaled * scale, rank, unseen,
+        scaled * scale, rank, unseen,
         tuple(name for name, share in zip(PARAMETERS, shares, strict=True) if share),
         covariance * np.outer(scale, scale), float(2.0 * np.sqrt(np.mean(rest**2))))
 
