@@ -20,8 +20,7 @@ from tactile_servo.laws.registry import DEFAULT
 from tactile_servo.nodes.servo import EdgeServoNode
 from tactile_simulation.nodes.mock_robot import MockRobotNode
 from tactile_simulation.nodes.mock_sensor import MockSensorNode
-from tactile_simulation.scene_calibration import write_calibration
-from tactile_simulation.world import Scene
+from tactile_simulation.world import Scene, write_calibration
 
 # Longest time that a thread holds the interpreter while another one waits [s]. The default of
 # 5 ms is a whole sensor period.

@@ -26,7 +26,7 @@ from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.urdf import parse, text_of
 from tactile_servo.robot_config import NodeConfig
 from tactile_simulation.scene import find_scene, load_scene
-from tactile_simulation.scene_calibration import write_calibration
+from tactile_simulation.world import write_calibration
 
 RESPAWN_DELAY = 1.0  # s
 GIVING_WAY = ' nice -n 10'  # lower priority than the servo; follows PREFIX

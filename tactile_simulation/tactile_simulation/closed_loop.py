@@ -29,8 +29,7 @@ from tactile_simulation.faults import Fault, Faults
 from tactile_simulation.gantry import gantry
 from tactile_simulation.joint_controller import Late, MockController
 from tactile_simulation.metrics import accelerations, judged, measure, NAN, percentile
-from tactile_simulation.scene_calibration import calibration_of
-from tactile_simulation.world import Course, Scene
+from tactile_simulation.world import calibration_of, Course, Scene
 
 STEP = 2.5e-3  # s; control at 400 Hz
 PICTURE_EVERY = 2  # steps; sensing at 200 Hz
@@ -121,9 +120,8 @@ class Simulation:
             self.model, self.limits, make_law(law_for(scene.action, law), config, settings),
             config, workspace)
         self.servo.see_sensor(info)
-        self.estimator = ContactEstimator(
-            estimator or EstimatorConfig(**scene.parameters().get('contact_estimator', {})))
-        self.estimate = self.estimator.estimate
+        self.estimate = ContactEstimator(estimator or EstimatorConfig(
+            **scene.parameters().get('contact_estimator', {}))).estimate
         self._path, self.shape = ContactPath(), ShapeEstimator(LocalQuadric())
         self.latency = plant.latency if latency is None else latency
         self.now, self.tick, self.pose = 1.0, 0, self.model.pose(start)

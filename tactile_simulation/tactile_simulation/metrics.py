@@ -192,14 +192,5 @@ def describe(summary: Mapping[str, Any]) -> str:
 
 def to_json(summary: Mapping[str, Any]) -> str:
     """Return a summary as one line of JSON; NaN and infinity become null."""
-    return json.dumps(_jsonable(summary), allow_nan=False)
-
-
-def _jsonable(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _jsonable(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_jsonable(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    text = json.dumps(summary, default=lambda of_numpy: of_numpy.tolist())
+    return json.dumps(json.loads(text, parse_constant=lambda _: None))

@@ -1,14 +1,18 @@
-"""A scene, the world that the simulated pad touches in it, and the truth of a run."""
+"""A scene with its sensor's calibration, the world touched in it, and the truth of a run."""
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, KW_ONLY
+from dataclasses import dataclass, field, KW_ONLY, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from tactile_common.config import bounded
+from tactile_sensing.devices.calibration import Calibration, load_calibration, save_calibration
 from tactile_simulation.sensor import Sensor, Skin, TactelResponse
+
+ACQUISITION_DELAY = 0.0025  # s, from the instant that a frame shows to its last byte
+MAX_LOAD = 40.0  # N, that the sensor bears
 
 
 @dataclass(frozen=True)
@@ -132,3 +136,20 @@ class Scene(ABC):
     @abstractmethod
     def objection(self, numbers: Mapping[str, Any]) -> str:
         """Return why the truth contradicts a goal that the servo met; empty if it does not."""
+
+
+def calibration_of(scene: Scene) -> Calibration:
+    """Return the calibration file that a scene names, or else one derived from the scene."""
+    sensor, skin = scene.sensor, scene.skin
+    found = load_calibration(scene.calibration) if scene.calibration else Calibration(
+        sensor.array, gain=np.array(sensor.pa_per_count), baseline=np.array(sensor.baseline),
+        bits=sensor.bits, depth=skin.depth, thickness=skin.thickness, poisson=skin.poisson)
+    return replace(found, model='mock', skin_stiffness=skin.stiffness)
+
+
+def write_calibration(scene: Scene, path: Path) -> Path:
+    """Write the calibration file that the driver needs for a scene's sensor; return its path."""
+    save_calibration(replace(
+        calibration_of(scene), max_load=MAX_LOAD, acquisition_delay=ACQUISITION_DELAY,
+        nominal_rate=200.0), path)
+    return path

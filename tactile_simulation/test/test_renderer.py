@@ -12,8 +12,8 @@ from tactile_sensing.types.array import TactelArray
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_world import EdgeScene, EdgeWorld, Start
 from tactile_simulation.render import force_on, render
-from tactile_simulation.scene_calibration import write_calibration
 from tactile_simulation.sensor import Sensor, Skin
+from tactile_simulation.world import write_calibration
 
 PITCH = 0.0254 / 16
 PAD = TactelArray(16, 16, PITCH, PITCH)

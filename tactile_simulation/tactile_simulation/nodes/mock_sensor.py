@@ -21,7 +21,7 @@ from tactile_sensing.devices.frame_clock import MAX_RATE
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 from tactile_simulation.pseudo_terminal import PseudoTerminal
 from tactile_simulation.scene import load_scene
-from tactile_simulation.scene_calibration import ACQUISITION_DELAY
+from tactile_simulation.world import ACQUISITION_DELAY
 
 _LISTENER_CHECK = 0.002  # s between checks for the first listener; nothing is sent before
 # A frame of a scene is left out if it is later than this, because its stamp would be too new [s].
