@@ -177,11 +177,7 @@ def _average(flat: np.ndarray) -> np.ndarray:
 
 
 def _noise(flat: np.ndarray) -> float:
-    """
-    Estimate the noise of points across their contour from second differences [m].
-
-    Returns a standard deviation.
-    """
+    """Return the standard deviation of points across their contour, from second differences [m]."""
     step = flat[2:] - flat[:-2]
     length = np.linalg.norm(step, axis=1)
     bend = flat[2:] - 2.0 * flat[1:-1] + flat[:-2]

@@ -84,15 +84,13 @@ class Fitter:
             self.noise = noise._replace(position=self._scatter(curvature, noise.position))
             self._solve(curvature, np.diag(covariance))
 
-    def sums(self, curvature: np.ndarray, doubt: np.ndarray,
-             model_error: float = 0.0) -> np.ndarray:
+    def _sums(self, curvature: np.ndarray, doubt: np.ndarray, model_error: float) -> np.ndarray:
         """
         Return the normal equations (7, 7): products of the rows over their covariance.
 
-        The last column contains the right side of (a, b1, b2, K11, K12, K22) and its weighted
-        square. Through the curvature (3,), a displacement along the surface causes an error of the
-        normal; so does its uncertainty, the variances `doubt` (3,). `model_error` is relative to
-        the third-order term |K u|^3 of normal and height.
+        Through the curvature (3,) and its uncertainty, the variances `doubt` (3,), a displacement
+        along the surface causes an error of the normal. `model_error` is relative to the
+        third-order term |K u|^3 of normal and height.
         """
         k11, k12, k22 = curvature.tolist()
         noise, (x, y, z), n = self.noise, self._points.T, self._normals
@@ -144,7 +142,7 @@ class Fitter:
 
     def _solve(self, curvature: np.ndarray, doubt: np.ndarray, model_error: float = 0.0) -> None:
         self._doubt = doubt
-        sums = self.sums(curvature, doubt, model_error)
+        sums = self._sums(curvature, doubt, model_error)
         self._lift = np.linalg.solve(sums[:3, :3], sums[:3, 3:])
         left = sums[3:, 3:] - sums[3:, :3] @ self._lift
         for unseen in range(self._count, 3):
@@ -194,16 +192,12 @@ def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
 
 
 def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndarray, int]:
-    """
-    Return the rotation (3, 3) about z that turns x along a path (m, 2), and the count of K.
-
-    The count is the number of elements of K that the path can determine. Noise of `std` [m] along
-    the surface makes a path look wider. Without a path, its direction would be that of rounding
-    errors: x is not turned.
-    """
+    """Return the rotation (3, 3) of x along a path (m, 2), and how many of K it determines."""
     off = u - weights @ u / weights.sum()
     spread = (weights[:, None] * off).T @ off / weights.sum()
     large, small, heading = principal(spread[0, 0], spread[0, 1], spread[1, 1])
+    # Noise of `std` [m] along the surface makes a path look wider. Without a path, its direction
+    # would be that of rounding errors.
     fuzz = CLEAR * std**2 * len(weights) / weights.sum() + 1e-24
     count = 0 if large < fuzz else 2 if small < fuzz else 3
     return turn_about_z(heading if count else 0.0), count
@@ -221,12 +215,9 @@ def _gain(information: np.ndarray, right: np.ndarray, form: np.ndarray) -> float
 
 
 def _best_cylinder(information: np.ndarray, right: np.ndarray) -> float:
-    """
-    Return the heading of the cylinder that reduces chi-square most [rad].
-
-    With t the tangent of the heading, the reduction is p(t)^2 / q(t). At its maximum
-    2 p' q = p q', a polynomial of degree 4.
-    """
+    """Return the heading of the cylinder that reduces chi-square most [rad]."""
+    # With t the tangent of the heading, the reduction is p(t)^2 / q(t). At its maximum
+    # 2 p' q = p q', a polynomial of degree 4.
     p, i = right[::-1], information
     q = np.array([i[2, 2], 2.0 * i[1, 2], i[1, 1] + 2.0 * i[0, 2], 2.0 * i[0, 1], i[0, 0]])
     stationary = (2.0 * np.convolve(p[:2] * [2.0, 1.0], q)

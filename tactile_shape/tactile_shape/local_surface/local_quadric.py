@@ -69,10 +69,6 @@ class ContactWindow:
 
     def __init__(self, length: float, cell: float):
         self._length, self._cell = length, cell
-        self.reset()
-
-    def reset(self) -> None:
-        """Remove all contacts."""
         self._cells = np.empty((0, 7))  # mean point, mean normal, number of contacts
         self._start = np.full(3, np.nan)  # first point of the newest cell
 
@@ -80,8 +76,7 @@ class ContactWindow:
         """
         Add a contact (3,) with its normal (3,); return the cells of the window, oldest first.
 
-        The rows (m, 7) are mean point, mean normal and number of contacts. They are a view that is
-        valid until the next contact is added.
+        They are a view (m, 7) that is valid until the next contact is added.
         """
         contact = np.concatenate([point, normal])
         away = point - self._start
@@ -122,11 +117,10 @@ class LocalQuadric(SurfaceEstimator):
             c.finger_radius * NORMAL_NOISE)
         self._cell = max(
             c.window / CELLS, CELL_NOISE * math.hypot(c.position_noise, c.location_noise))
-        self._window = ContactWindow(c.window, self._cell)
         self.reset()
 
     def reset(self) -> None:  # noqa: D102
-        self._window.reset()
+        self._window = ContactWindow(self.config.window, self._cell)
         self._cells = np.empty((0, 7))
 
     def add(self, position: np.ndarray, normal: np.ndarray) -> None:  # noqa: D102
@@ -170,12 +164,7 @@ class LocalQuadric(SurfaceEstimator):
         return self.refused(f'the path of {1e3 * extent:.2g} mm is {why}', **known)
 
     def _best_fit(self) -> tuple[np.ndarray, Fit]:
-        """
-        Fit all cells, or only the newer half if the older cells lie on another surface.
-
-        The newer half is tried if the scatter of all cells is much larger than the given noise. It
-        is used if its scatter is clearly smaller.
-        """
+        """Fit all cells, or only the newer half if the older cells lie on another surface."""
         cells, newer = self._cells, self._cells[(len(self._cells) + 1) // 2:]
         fit = self._fit(cells)
         if fit.scatter > MISFIT * self._noise.position and len(cells) >= 2 * ENOUGH:
