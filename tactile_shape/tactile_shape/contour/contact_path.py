@@ -66,16 +66,16 @@ def locate(contact: Contact, picture: TactileImage | None = None) -> tuple[Place
     """
     if contact.reasons & Reason.LOW_SNR:
         return None, False
-    seen = edge_point(picture) if picture is not None and needs_picture(contact) else None
+    if picture is not None and not needs_picture(contact):
+        picture = None
+    seen = None if picture is None else edge_point(picture)
     if contact.type == ContactType.LINE and contact.valid and np.isfinite(contact.offset):
         c, s = np.cos(contact.yaw), np.sin(contact.yaw)
         # Foot of the perpendicular from the pad's centre, or the end of the line nearest to it.
         along = float(np.fmin(np.fmax(0.0, contact.start), contact.end))
         place = (contact.offset * c - along * s, contact.offset * s + along * c)
-        if picture is None or not needs_picture(contact):
-            return place, True
         if seen is None:
-            return None, False
+            return (place, True) if picture is None else (None, False)
         # Beyond the end of an edge or in a bend, the line is far from the ridge.
         near = not contact.residual > STRAIGHT and math.dist(seen, place) < BEYOND
         return (place if near else seen), True

@@ -118,8 +118,7 @@ def _runs(flat: np.ndarray, closed: bool, std: float) -> list[np.ndarray]:
     runs = [order[a:b + 1] for a, b in zip(ends, ends[1:], strict=False)]
     k = 1
     while k < len(runs):
-        one, other, *after = [fit_curve(_between_roundings(flat[run], True, True), std)
-                              for run in runs[k - 1:k + 2]]
+        one, other, *after = [_side_of(flat[run], std) for run in runs[k - 1:k + 2]]
         if _turn_of_lines(one, other) < LEAST_TURN:
             runs[k - 1:k + 1] = [np.concatenate([runs[k - 1], runs[k][1:]])]
         elif after and _is_rounding(one, flat[runs[k]], after[0]):
@@ -177,7 +176,7 @@ def _average(flat: np.ndarray) -> np.ndarray:
 
 
 def _noise(flat: np.ndarray) -> float:
-    """Return the standard deviation of points across their contour, from second differences [m]."""
+    """Return the standard deviation of points across their contour [m]."""
     step = flat[2:] - flat[:-2]
     length = np.linalg.norm(step, axis=1)
     bend = flat[2:] - 2.0 * flat[1:-1] + flat[:-2]
@@ -217,12 +216,10 @@ def _assemble(runs: list[np.ndarray], closed: bool, std: float,
 
     # An arc is first fitted as a whole: what a corner rounds of it hardly turns its ends.
     curves = [fit_curve(run, std) for run in runs]
-    curves = [curve if curve.kind == 'arc' else fit_curve(_between_roundings(run, True, True), std)
-              for run, curve in zip(runs, curves, strict=True)]
-    corners = corners_of(curves)
-    curves = [fit_curve(_between_roundings(
-        run, corners[k] is not None, corners[k + 1] is not None), std)
-        for k, run in enumerate(runs)]
+    corners = corners_of([curve if curve.kind == 'arc' else _side_of(run, std)
+                          for run, curve in zip(runs, curves, strict=True)])
+    curves = [_side_of(run, std, corners[k] is not None, corners[k + 1] is not None)
+              for k, run in enumerate(runs)]
     corners = corners_of(curves)
     starts = [on_curve(curve, run[0]) if corner is None else corner
               for run, curve, corner in zip(runs, curves, corners, strict=False)]
@@ -248,8 +245,8 @@ def _corner_of(one: Curve, other: Curve, joint: np.ndarray) -> np.ndarray | None
     return corner if np.linalg.norm(corner - joint) < FARTHEST else None
 
 
-def _between_roundings(run: np.ndarray, at_start: bool, at_end: bool) -> np.ndarray:
-    """Return the points of a run without the parts that corners round."""
+def _side_of(run: np.ndarray, std: float, at_start: bool = True, at_end: bool = True) -> Curve:
+    """Fit the points of a run without the parts that corners round at its start and end."""
     travel = arc_length(run)
     keep = (travel >= ROUNDING * at_start) & (travel <= travel[-1] - ROUNDING * at_end)
-    return run[keep] if keep.sum() >= 3 else run
+    return fit_curve(run[keep] if keep.sum() >= 3 else run, std)

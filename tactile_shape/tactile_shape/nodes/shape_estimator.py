@@ -72,7 +72,7 @@ class ShapeTopics:
         self._contours = create_publisher(Path, 'contour', _LATCHED)
         self._markers = create_publisher(MarkerArray, 'markers', _LATCHED)
         self._patches = create_publisher(SurfacePatch, 'surface_patch', 10)
-        self._path, self._touched_ns = ContactPath(surface.finger_radius), 0
+        self.path, self._touched_ns = ContactPath(surface.finger_radius), 0
         self.by_servo = own.source == 'servo'
         self._surface = ESTIMATORS[own.method](surface)
         self._frame: str | None = None
@@ -85,11 +85,6 @@ class ShapeTopics:
         self._published_ns: int | None = None
         self._total, self._touching, self._changed = 0, False, False
 
-    @property
-    def lost(self) -> int:
-        """Number of contacts without a pose."""
-        return self._path.lost
-
     def take_pose(self, msg: PoseStamped) -> None:
         """Process a pose of the sensor."""
         pose = self._pose(msg, 'sensor_pose')
@@ -99,26 +94,26 @@ class ShapeTopics:
             if self._frame is not None:
                 self._warn(f'sensor_pose is now in {msg.header.frame_id!r}, not '
                            f'{self._frame!r}: what was touched is forgotten')
-                self._path.clear()
+                self.path.clear()
                 self._begin_model()
             self._frame = msg.header.frame_id
         stamp_ns = stamp_to_ns(msg.header.stamp)
-        if self._path.restarts(stamp_ns):
+        if self.path.restarts(stamp_ns):
             self._warn('the time went back: what was touched is forgotten')
             self._begin_model()
-        self._take(self._path.add_pose(stamp_ns, pose))
+        self._take(self.path.add_pose(stamp_ns, pose))
 
     def take_image(self, raw: bytes) -> None:
         """Process the bytes of an image; not needed with contacts of a servo."""
         if self.by_servo:
             return
         with suppress(*DAMAGE):
-            self._path.add_picture(stamp_of(raw), lambda: _image(raw))
+            self.path.add_picture(stamp_of(raw), lambda: _image(raw))
 
     def take_contact(self, stamp_ns: int, contact: Contact, sensor: str) -> None:
         """Process a contact of the named sensor with the stamp of its image [ns]."""
         if not self.by_servo or contact.type == ContactType.NONE:
-            self._take(self._path.add_contact(stamp_ns, contact, (stamp_ns, sensor)))
+            self._take(self.path.add_contact(stamp_ns, contact, (stamp_ns, sensor)))
 
     def take_touch(self, msg: PoseStamped) -> None:
         """Process a contact published by the servo; not needed with those of the sensor."""
@@ -199,15 +194,15 @@ class ShapeEstimatorNode(TactileNode):
         self.get_logger().warning(text, throttle_duration_sec=5.0)
 
     def _on_contact(self, msg: ContactMsg) -> None:
-        lost = self._shape.lost
+        lost = self._shape.path.lost
         try:
             contact = contact_from_msg(msg)
         except TactileError as error:
             self._warn(f'contact ignored: {error}')
             return
         self._shape.take_contact(stamp_to_ns(msg.header.stamp), contact, msg.sensor)
-        if self._shape.lost > lost and not self.starting:
-            self._warn(f'{self._shape.lost} contacts had no sensor_pose near their stamp')
+        if self._shape.path.lost > lost and not self.starting:
+            self._warn(f'{self._shape.path.lost} contacts had no sensor_pose near their stamp')
 
 
 def main(args: list[str] | None = None) -> int:
