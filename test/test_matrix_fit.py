@@ -9,7 +9,7 @@ from benchmarks.shape.motion import (
     screw_motion,
 )
 from tactile_common.errors import ConfigurationError
-from tactile_shape.thesis.matrix_fit import design_matrix, fit_matrix
+from tactile_shape.thesis.matrix_estimator import design_matrix, fit_matrix
 from tactile_shape.types.surface_matrix import SurfaceMatrix
 
 R = 0.1  # m, of the thesis' cylinder and of the sphere

@@ -10,8 +10,7 @@ import numpy as np
 from benchmarks.harness import run
 from benchmarks.shape import cases, methods, thesis
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
-from tactile_shape.thesis.matrix_estimator import MatrixEstimator
-from tactile_shape.thesis.matrix_fit import fit_matrix
+from tactile_shape.thesis.matrix_estimator import fit_matrix, MatrixEstimator
 from tactile_shape.types.patch import Kind
 
 SPEEDS = (1e-5, 5e-5, 2e-4, 1e-3, 5e-3, 2e-2, 5e-2)  # m/s, Table 4.1

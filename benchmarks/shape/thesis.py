@@ -11,7 +11,7 @@ from benchmarks.shape.motion import (
     screw_motion,
 )
 from tactile_common.errors import SurfaceError
-from tactile_shape.thesis.matrix_fit import fit_matrix
+from tactile_shape.thesis.matrix_estimator import fit_matrix
 
 RADIUS, FINGER = 0.1, 0.01  # m, Table 4.1
 STEPS = 5  # contacts, one per second

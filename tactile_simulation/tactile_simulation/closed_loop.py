@@ -80,14 +80,12 @@ class Simulation:
 
     Attributes
     ----------
-    world : World
     now : float
         Time; begins at 1 [s].
     pose : ndarray, shape (4, 4)
         Pose of the sensor.
     transport : float
         Delay from a control cycle to the robot's controller [s].
-    log : list of Cycle
     commands : list of (float, ndarray)
         Time [s] and joint positions (n,) of every command of the robot's controller.
     cycle_costs, picture_costs : list of float
@@ -120,8 +118,9 @@ class Simulation:
             self.model, self.limits, make_law(law_for(scene.action, law), config, settings),
             config, workspace)
         self.servo.see_sensor(info)
-        self.estimate = ContactEstimator(estimator or EstimatorConfig(
-            **scene.parameters().get('contact_estimator', {}))).estimate
+        self.estimator = ContactEstimator(
+            estimator or EstimatorConfig(**scene.parameters().get('contact_estimator', {})))
+        self.estimate = self.estimator.estimate
         self._path, self.shape = ContactPath(), ShapeEstimator(LocalQuadric())
         self.latency = plant.latency if latency is None else latency
         self.now, self.tick, self.pose = 1.0, 0, self.model.pose(start)

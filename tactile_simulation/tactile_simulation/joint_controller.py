@@ -107,11 +107,7 @@ class MockController:
         self.activate(self._active)
 
     def activate(self, active: bool) -> None:
-        """
-        Accept trajectories, or drop them, as when a controller manager switches.
-
-        In both cases the robot stops at once at its last commanded position.
-        """
+        """Stop at the last commanded position; from now on accept trajectories, or drop them."""
         self._active = active
         self._spline: Spline | None = None
         self._pending: Trajectory | None = None

@@ -33,11 +33,7 @@ class Line:
         return cls(middle, direction, float(np.sqrt(np.mean(off**2))))
 
     def tangent(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """
-        Return point (2,) and direction (2,) of the tangent nearest to a point.
-
-        The direction is that of the fitted points.
-        """
+        """Return point (2,) and direction (2,), along the points, of the tangent near a point."""
         return self.middle, self.direction
 
     def length(self, path: np.ndarray) -> float:

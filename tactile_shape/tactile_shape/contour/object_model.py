@@ -51,17 +51,14 @@ class ObjectModel:
         if self._anew:
             self.strokes.append([])
         elif len(self.strokes[-1]) == 1:
-            self._begin_at_first()
+            # The very first contact is light and inaccurate: begin among the first ones.
+            first = np.array(self._tail)[:len(self._tail) // 4 + 1]
+            if len(first) > 2:
+                self.strokes[-1][0] = _most_central(first)
         self._anew = False
         self._keep(position)
         self._tail.append(position)
         return True
-
-    def _begin_at_first(self) -> None:
-        """Move a stroke's start to its first contacts: the very first is light and inaccurate."""
-        first = np.array(self._tail)[:len(self._tail) // 4 + 1]
-        if len(first) > 2:
-            self.strokes[-1][0] = _most_central(first)
 
     def _end_stroke(self) -> None:
         """End a stroke among the newest contacts near or beyond its last point."""

@@ -31,15 +31,6 @@ _MAX_COORDINATE = 1e6  # m; a contact with a larger one is invalid
 _LENGTH_ERROR = 1e-3  # largest difference of a usable normal's length from 1
 
 
-def usable_normal(position: np.ndarray, normal: np.ndarray) -> np.ndarray | None:
-    """Scale a normal to length 1; None if not finite or if the length is not about 1."""
-    # NaN also fails these comparisons.
-    if not (np.abs(position).max() < _MAX_COORDINATE and np.abs(normal).max() < 2.0):
-        return None
-    length = np.sqrt(normal @ normal)
-    return normal / length if abs(length - 1.0) < _LENGTH_ERROR else None
-
-
 def certain_enough(variance: np.ndarray, curvature: np.ndarray) -> np.ndarray:
     """Return which curvatures are seen, from their variances."""
     return variance < np.maximum(MAX_CURVATURE_STD, RELATIVE * np.abs(curvature))**2
@@ -126,10 +117,11 @@ class SurfaceEstimator(ABC):
 
     def update(self, position: np.ndarray, normal: np.ndarray) -> Patch:
         """Add a contact and return the Patch there; it is invalid if the contact is unusable."""
-        unit = usable_normal(position, normal)
-        if unit is None:
+        # NaN also fails these comparisons.
+        length = np.sqrt(normal @ normal) if np.abs(normal).max() < 2.0 else 0.0
+        if not (np.abs(position).max() < _MAX_COORDINATE and abs(length - 1.0) < _LENGTH_ERROR):
             return self.refused('contact is not finite or its normal not of length 1')
-        self.add(position, unit)
+        self.add(position, normal / length)
         return self.estimate()
 
     def refused(self, reason: str, **known: Any) -> Patch:
