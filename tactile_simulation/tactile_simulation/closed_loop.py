@@ -80,12 +80,14 @@ class Simulation:
 
     Attributes
     ----------
+    world : World
     now : float
         Time; begins at 1 [s].
     pose : ndarray, shape (4, 4)
         Pose of the sensor.
     transport : float
         Delay from a control cycle to the robot's controller [s].
+    log : list of Cycle
     commands : list of (float, ndarray)
         Time [s] and joint positions (n,) of every command of the robot's controller.
     cycle_costs, picture_costs : list of float

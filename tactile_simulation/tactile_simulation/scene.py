@@ -42,6 +42,12 @@ SHAPES: dict[str, tuple[Callable[..., SolidObject], tuple[str, ...], tuple[str, 
     'step': (StepShape, ('height',), ('ahead',)),
     'ledge': (partial(StepShape, -np.inf), (), ('ahead',))}
 
+# Optional sections of a scene's file, by what is touched; all but `slip` have defaults.
+SECTIONS: dict[str, dict[str, type]] = {
+    'edge': {'skin': Skin, 'sensor': Sensor, 'start': Start, 'plant': Plant, 'slip': Slip},
+    'surface': {'touch': Touch, 'probe': Dome, 'rubber': SkinConfig, 'sensor': Sensor,
+                'start': SurfaceStart, 'plant': Plant}}
+
 
 def shipped_scenes() -> dict[str, Path]:
     """Return the files of the scenes of package edge_tracking by name; empty without it."""
@@ -88,45 +94,15 @@ def load_scene(name: str | os.PathLike) -> Scene:
     """
     path = find_scene(name)
     try:
-        tree = read_yaml(path)
-        of_surface = isinstance(tree, dict) and 'surface' in tree
-        return (_surface_scene if of_surface else _edge_scene)(tree, path)
+        return _scene(read_yaml(path), path)
     except ConfigurationError as error:
         raise ConfigurationError(f'scene {path}: {error}') from error
 
 
-def _edge_scene(tree: Any, path: Path) -> EdgeScene:
-    values = _mapping(tree, '', ('name', 'description', 'edge'),
-                      ('skin', 'sensor', 'start', 'plant', 'slip', 'calibration'))
-    skin = _part(Skin, values, 'skin')
-    return EdgeScene(
-        edge=_edge(values['edge']), skin=skin, start=_part(Start, values, 'start'),
-        slip=_part(Slip, values, 'slip') if 'slip' in values else None,
-        sensor=_scaled(_part(Sensor, values, 'sensor'), values.get('sensor', {}), skin),
-        **_common(values, path))
-
-
-def _surface_scene(tree: Any, path: Path) -> SurfaceScene:
-    values = _mapping(tree, '', ('name', 'description', 'surface'),
-                      ('touch', 'probe', 'rubber', 'sensor', 'start', 'plant', 'calibration'))
-    kind, rest = _one_of(values['surface'], 'surface', SHAPES)
-    placed = _mapping(rest, 'surface', ('top',), ('heading',))
-    heading = _number('surface.heading', placed.get('heading', 0.0), -360.0, 360.0, 'degrees')
-    make, needed, optional = SHAPES[kind]
-    sizes = _mapping(values['surface'][kind] or {}, f'surface.{kind}', needed, optional)
-    smallest = -1.0 if kind == 'step' else 1e-4
-    shape = make(**{key: _number(f'surface.{kind}.{key}', value, smallest, MAX_LENGTH)
-                    for key, value in sizes.items()})
-    top = _lengths('surface.top', placed['top'], 3)
-    return SurfaceScene(
-        surface=Placed(shape, top, math.radians(heading)), touch=_part(Touch, values, 'touch'),
-        dome=_part(Dome, values, 'probe'), rubber=_part(SkinConfig, values, 'rubber'),
-        start=_part(SurfaceStart, values, 'start'),
-        sensor=_part(Sensor, values, 'sensor', SENSOR), **_common(values, path))
-
-
-def _common(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """Return the fields of a scene that do not depend on the touched object."""
+def _scene(tree: Any, path: Path) -> Scene:
+    body = 'surface' if isinstance(tree, dict) and 'surface' in tree else 'edge'
+    sections = SECTIONS[body]
+    values = _mapping(tree, '', ('name', 'description', body), [*sections, 'calibration'])
     for key in ('name', 'description'):
         if not isinstance(values[key], str) or not values[key].strip():
             raise ConfigurationError(f'{key} is {values[key]!r}, must be a text')
@@ -136,8 +112,27 @@ def _common(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
             raise ConfigurationError(f'calibration is {calibration!r:.60}, must be a file, named '
                                      'from the folder of the scene')
         calibration = path.parent / calibration
-    return {'name': values['name'], 'description': ' '.join(values['description'].split()),
-            'plant': _part(Plant, values, 'plant'), 'calibration': calibration}
+    usual = {'sensor': SENSOR} if body == 'surface' else {}
+    parts = {key: _part(kind, values, key, usual.get(key))
+             for key, kind in sections.items() if key in values or kind is not Slip}
+    parts |= {'name': values['name'], 'description': ' '.join(values['description'].split()),
+              'calibration': calibration}
+    if body == 'surface':
+        return SurfaceScene(surface=_surface(values[body]), dome=parts.pop('probe'), **parts)
+    parts['sensor'] = _scaled(parts['sensor'], values.get('sensor', {}), parts['skin'])
+    return EdgeScene(edge=_edge(values[body]), **parts)
+
+
+def _surface(tree: Any) -> Placed:
+    kind, rest = _one_of(tree, 'surface', SHAPES)
+    placed = _mapping(rest, 'surface', ('top',), ('heading',))
+    heading = _number('surface.heading', placed.get('heading', 0.0), -360.0, 360.0, 'degrees')
+    make, needed, optional = SHAPES[kind]
+    sizes = _mapping(tree[kind] or {}, f'surface.{kind}', needed, optional)
+    smallest = -1.0 if kind == 'step' else 1e-4
+    shape = make(**{key: _number(f'surface.{kind}.{key}', value, smallest, MAX_LENGTH)
+                    for key, value in sizes.items()})
+    return Placed(shape, _lengths('surface.top', placed['top'], 3), math.radians(heading))
 
 
 def _scaled(sensor: Sensor, given: Mapping[str, Any], skin: Skin) -> Sensor:
