@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_shape.contact_recording import ContactRecording
+from tactile_shape.contour.contact_path import Placed, SpatialContact
 from tactile_shape.shape_estimator import ShapeEstimator
 from tactile_shape.types.patch import Kind
 
@@ -64,10 +65,9 @@ class PatchTable:
         recording = self._recording
         for k, (position, normal, edge) in enumerate(zip(
                 recording.position, recording.normal, recording.edge, strict=True)):
-            if np.isnan(position).any():
-                patch = self._estimator.lose()
-            else:
-                patch = self._estimator.touch(position, normal, edge)
+            lost = bool(np.isnan(position).any())
+            contact = None if lost else SpatialContact(position, normal, edge)
+            patch = self._estimator.take(Placed(None, contact, lost, 'nothing is touched'))
             for name in COLUMNS.keys() - {'t'}:
                 self.records[name][k] = getattr(patch, _ATTRIBUTES.get(name, name))
             if not patch.valid:
