@@ -50,8 +50,6 @@ def speeds(time: np.ndarray, positions: np.ndarray) -> np.ndarray:
 
     `time` (N,) is in s, `positions` (N, 3) in m.
     """
-    if not len(time):
-        return np.empty(0)
     spans = np.diff(time, prepend=np.nan)
     return np.linalg.norm(np.diff(positions, axis=0, prepend=np.nan), axis=1) / np.where(
         spans > 0.0, spans, np.nan)
