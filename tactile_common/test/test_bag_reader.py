@@ -100,7 +100,7 @@ def test_bytes_after_the_last_value_are_passed_over(write):
 
 @pytest.mark.parametrize('data, why', [
     (b'', ''), (b'\x00', ''), (b'\x07\x07\x00\x00' + bytes(80), '07070000'),
-    (pose(0)[:40], 'buffer'), (pose(0)[:5], '')])
+    (pose(0)[:40], 'buffer'), (pose(0)[:5], '')], ids=['empty', 'byte', 'kind', 'cut', 'head'])
 def test_a_damaged_message_is_told_with_its_topic_and_time(write, data, why):
     path = write([('/pose', pose(0)), ('/pose', data)])
     with Bag(path) as bag, pytest.raises(ConfigurationError) as caught:
