@@ -303,7 +303,7 @@ class GoalRun:
         # The other way round, a tilt would hide a gain that fades.
         least = law.depth(force) - law.depth(force + most)
         grown, shrunk = law.unfelt > most, press.drift + SLOPE_ERROR * press.path < least
-        differs = law.even and grown or press.steady and (grown or shrunk)
+        differs = law.even and grown or (grown or shrunk) and press.steady
         return Reason(ReasonCode.CONTACT, 'tested again, the depth has grown by '
                       f'{1e3 * press.drift:.2g} mm more than felt') if differs else None
 
