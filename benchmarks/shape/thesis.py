@@ -95,7 +95,7 @@ def section_error(fitted, x=X):
     """Return the error of the height over the cross-section [m]."""
     try:
         return section(fitted, x) - (RADIUS - np.sqrt(RADIUS**2 - x**2))
-    except (AttributeError, SurfaceError):
+    except SurfaceError:
         return np.full(len(x), np.nan)
 
 

@@ -175,8 +175,8 @@ def test_saturated_counts_are_no_dead_tactels(run):
     assert reasons & Reason.SATURATED and not reasons & Reason.DEAD_TACTELS
     source = estimate_sources.source_of(
         estimate.parse(['in.npz', *calibrate(), '-o', 'out.npz']))
-    told = SimpleNamespace(estimate_batch=lambda stress, array, layers: (stress, layers[0]))
-    (stress, layer), = source.records(told)
+    stub = SimpleNamespace(estimate_batch=lambda stress, array, layers: (stress, layers[0]))
+    (stress, layer), = source.records(stub)
     np.testing.assert_array_equal(stress >= layer.full_scale, frames == 1023)
     found = run('in.npz', *calibrate(dead_tactels=(3,)))
     both = Reason.SATURATED | Reason.DEAD_TACTELS
