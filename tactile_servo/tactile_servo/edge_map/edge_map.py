@@ -1,5 +1,7 @@
 """Map of an edge: computes path, corners and ends from images and poses."""
 
+import cmath
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +13,8 @@ from tactile_servo.edge_map.path import nodes_from
 from tactile_servo.edge_map.picture import PadScale, Picture, read_picture
 from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of, retyped
 from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
-from tactile_servo.edge_map.tracing import nearest_line, on_path
+from tactile_servo.edge_map.tracing import local_line, nearest_line, on_path
+from tactile_servo.edge_map.yaw_error import YawError
 from tactile_servo.reasons import Reason, ReasonCode
 
 PICTURES = 10  # number of images whose points form the cloud
@@ -20,6 +23,7 @@ LEAST_POINTS = 3  # least number of points of a ridge in an image
 PATH_SHARE = 0.4  # share of an image's ridge points on the path, above which it shows the path
 OFF_PATH = 1.0  # grains from the path beyond which a ridge point is not on it
 SLIP_CHORD = 2.0  # grains on each side of the pad: this chord is the heading after a slip
+ALIGNED = 0.08  # rad from the pad's y to the path; tactels show larger angles with a bias
 ROUGHLY_ALONG = 0.5  # least cosine between a heading and the ridge at which a path begins
 NO_RIDGE = Reason(ReasonCode.EDGE_LOST, 'no ridge in the picture')
 ELSEWHERE = Reason(ReasonCode.EDGE_LOST, 'the picture shows no ridge along the path')
@@ -61,16 +65,18 @@ class EdgeMap:
         self._counts: list[int] = []  # number of points of each image
         self.followed = False  # True while images extend the newest path
         self._off_path = 0  # number of successive images off the path
+        self._yaw = YawError(math.inf)  # knows nothing yet
         self._near: np.ndarray | None = None  # nodes around the pad, extended at an open end
 
     def see(self, image: TactileImage, pose: np.ndarray) -> Reason | None:
         """Read an image at the sensor's pose (4, 4) in the base frame; return any problem."""
         plane = np.linalg.inv(pose) if self.plane is None else self.plane
-        picture = read_picture(image, plane @ pose, self.skin_stiffness)
+        picture = read_picture(image, plane @ pose @ self._yaw.turn, self.skin_stiffness)
         if isinstance(picture, Reason):
             return picture
         if self.plane is None:
             self.plane, self._axes = plane, plane[:2, :3].tolist()
+            self._yaw = YawError(picture.scale.grain)
         self.picture, self.scale = picture, picture.scale
         return None
 
@@ -99,6 +105,7 @@ class EdgeMap:
             self.path.refine(picture, station)
             self.path.extend(self._cloud, picture, self.station)
             self._take_near()
+            self._see_yaw(picture)
             return None, False
         self._off_path += 1
         if self._off_path < SURE_PICTURES:
@@ -108,6 +115,19 @@ class EdgeMap:
         self.station = station
         chord = SLIP_CHORD * self.scale.grain
         return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
+
+    def _see_yaw(self, picture: Picture) -> None:
+        """Compare the ridge under the pad with its way, not at corners or while turning."""
+        grain = self.scale.grain
+        line = local_line(picture.points, picture.x, picture.y,
+                          *self.way(self.station - grain, self.station + grain), grain)
+        left, askew, _, _ = self.at_picture(1, self.station)
+        if not line.support or picture.coming > 0.0 or self.corner_at(self.station) or (
+                abs(math.sin(askew)) > ALIGNED):
+            self._yaw.forget()
+            return
+        along = complex(line.tx, line.ty) * cmath.exp(-1j * self._yaw.angle)
+        self._yaw.see(complex(line.x, line.y), along, left)
 
     def _begin(self, heading: np.ndarray, may_close: bool) -> tuple[Reason | None, bool]:
         """Begin a path at the ridge nearest to the pad's centre."""
