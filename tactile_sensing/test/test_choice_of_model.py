@@ -312,6 +312,78 @@ def test_small_errors_of_most_tactels_are_no_second_load():
     assert np.nanmax(off) < 1e-3
 
 
+def pressed_points(array, depth, count, rng):
+    """Return images of points on the inner tactels of a half-space's pad, with a peak of 1."""
+    inner = np.array([array.half_width_x - array.pitch_x, array.half_width_y - array.pitch_y])
+    places = rng.uniform(-inner, inner, (count, 2))
+    fine = TactelArray(10 * array.rows, 10 * array.columns, 0.1 * array.pitch_x,
+                       0.1 * array.pitch_y)
+    frames = np.array([point.stress(
+        'zz', fine.x, fine.y[:, None], *place, 1.0, 0.0, 0.0, depth).reshape(
+            array.rows, 10, array.columns, 10).mean(axis=(1, 3)) for place in places])
+    return frames / frames.max(axis=(1, 2), keepdims=True), places
+
+
+def with_a_hot_tactel(frames, height, rng):
+    """Return frames in which a random tactel reads more."""
+    hot = frames.reshape(len(frames), -1).copy()
+    hot[np.arange(len(hot)), rng.integers(hot.shape[1], size=len(hot))] += height
+    return hot.reshape(frames.shape)
+
+
+COARSE = [TactelArray(5, 5, 4e-3, 4e-3), TactelArray(8, 8, 4e-3, 4e-3),
+          TactelArray(16, 16, 2e-3, 2e-3)]
+
+
+@pytest.mark.parametrize('array', COARSE, ids=lambda it: f'{it.rows}x{it.columns}')
+@pytest.mark.parametrize('share', [0.0, 0.25, 0.5, 1.0])  # depth over pitch; 0: unknown
+@pytest.mark.parametrize('noise', [1.0, 0.0])  # 0: unknown
+def test_a_hot_tactel_is_no_load(array, share, noise):
+    """On a skin of a quarter of the pitch, a load is nearly all on a single tactel."""
+    rng, depth = np.random.default_rng(41), share * array.pitch_x
+    most = 0.02 if noise and share != 0.25 else 0.05
+    for height, full in ((5.0, 0.0), (10.0, 0.0), (20.0, 0.0), (60.0, 0.0), (200.0, 0.0),
+                         (1000.0, 500.0)):
+        frames = with_a_hot_tactel(rng.standard_normal((200, *array.shape)), height, rng)
+        found = ContactEstimator().estimate_batch(
+            np.minimum(frames, full or np.inf), array, [Layer('zz', depth, None, full, noise)])
+        assert found['valid'].mean() <= most, height
+        if noise and height > 10.0:
+            nothing = found['reasons'] & int(Reason.NO_CONTACT) > 0
+            assert nothing.mean() > 0.5
+            assert (found['reasons'][nothing] & int(Reason.DEAD_TACTELS)).all()
+
+
+@pytest.mark.parametrize('array', COARSE, ids=lambda it: f'{it.rows}x{it.columns}')
+@pytest.mark.parametrize('depth', [2e-3, 3e-3])
+@pytest.mark.parametrize('height', [0.0, 40.0])
+def test_a_point_beside_a_hot_tactel_is_found(array, depth, height):
+    rng = np.random.default_rng(42)
+    frames, places = pressed_points(array, depth, 100, rng)
+    frames = 60.0 * frames + rng.standard_normal(frames.shape)
+    found = ContactEstimator().estimate_batch(
+        with_a_hot_tactel(frames, height, rng), array, [Layer('zz', depth, None, 0.0, 1.0)])
+    right = found['valid'] & (found['type'] == ContactType.POINT)
+    off = np.hypot(found['x'] - places[:, 0], found['y'] - places[:, 1])
+    claimed = np.sqrt(found['covariance'][:, 0, 0] + found['covariance'][:, 1, 1])
+    assert right.mean() > 0.95
+    assert (off > 4.0 * claimed)[right].mean() <= (0.08 if height else 0.02)
+
+
+@pytest.mark.parametrize('depth', [0.0, 2e-3])
+def test_the_unit_of_lengths_changes_no_verdict(depth):
+    """The same images, of a pad and skin that are ten times as large."""
+    rng, array = np.random.default_rng(43), COARSE[1]
+    points, _ = pressed_points(array, 2e-3, 200, rng)
+    frames = np.concatenate([8.0 * points, np.zeros((200, *array.shape))])
+    frames = with_a_hot_tactel(frames, 8.0, rng) + rng.standard_normal(frames.shape)
+    found = [ContactEstimator().estimate_batch(
+        frames, TactelArray(8, 8, scale * 4e-3, scale * 4e-3),
+        [Layer('zz', scale * depth, None, 0.0, 1.0)]) for scale in (1.0, 10.0)]
+    for name in ('valid', 'type', 'reasons'):
+        assert (found[0][name] == found[1][name]).mean() > 0.99, name
+
+
 def test_things_as_broad_as_the_pad_are_no_point():
     """Sixty loads anywhere on 18 x 18 mm, such as things that lie on a pad of this size."""
     rng, array = np.random.default_rng(3), TactelArray(5, 5, 3.55e-3, 3.55e-3)

@@ -16,7 +16,7 @@ from tactile_sensing.contact.hypotheses import search
 from tactile_sensing.contact.misfit import LOUD
 from tactile_sensing.contact.noise import hidden_scale, noise_of_image, noise_of_rounding
 from tactile_sensing.contact.records import Hypothesis, Readings
-from tactile_sensing.contact.refusal import BAD_FIT, NO_CONTACT, TWO_CONTACTS
+from tactile_sensing.contact.refusal import BAD_FIT, DEAD_TACTELS, NO_CONTACT, TWO_CONTACTS
 from tactile_sensing.image import moments_of
 from tactile_sensing.skin.bumps import (
     BEGIN,
@@ -39,9 +39,8 @@ FEWEST = 6  # tactels
 DETECTION = 5.0  # standard deviations
 MIN_SNR = 16.0  # a weaker load is not valid: its kind is uncertain [dB]
 QUIETER = 0.9  # fit again if the residual noise is below this share of the assumed noise
-LOW_SNR, DEAD_TACTELS = int(Reason.LOW_SNR), int(Reason.DEAD_TACTELS)
-FEW_TACTELS, SATURATED = int(Reason.FEW_TACTELS), int(Reason.SATURATED)
-SKIN_MISMATCH = int(Reason.SKIN_MISMATCH)
+LOW_SNR, FEW_TACTELS = int(Reason.LOW_SNR), int(Reason.FEW_TACTELS)
+SATURATED, SKIN_MISMATCH = int(Reason.SATURATED), int(Reason.SKIN_MISMATCH)
 NONE, IS_POINT, IS_LINE, OTHER = (int(kind) for kind in (
     ContactType.NONE, ContactType.POINT, ContactType.LINE, ContactType.OTHER))
 X, Y, YAW, NORMAL, SHEAR_X, SHEAR_Y, PER_LENGTH = ROW

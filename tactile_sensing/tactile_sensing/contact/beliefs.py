@@ -53,17 +53,15 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
     reach = math.hypot(pad.half_x, pad.half_y)
     information[Q0] = reach ** -2
     step[Q0] = step[Q1] = step[BEGIN] = step[END] = 0.6 * pad.pitch
-    flat = 2
+    volume, flat = 0.0, 0
     if kind == POINT:
         information[Q1] = reach ** -2
         high[Q0], high[Q1] = 1.25 * pad.half_x, 1.25 * pad.half_y
         low[Q0], low[Q1] = -high[Q0], -high[Q1]
-        volume = math.log(4.0 * pad.half_x * pad.half_y)
     else:
         information[Q1] = (2.0 * math.pi) ** -2
         low[Q0], high[Q0] = -1.25 * reach, 1.25 * reach
         step[Q1] = 0.15
-        volume = math.log(2.0 * math.pi * (pad.half_x + pad.half_y))
     if ends:
         fitted[BEGIN] = fitted[END] = True
         low[BEGIN] = low[END] = -1.5 * reach

@@ -314,7 +314,7 @@ def search(pad: Pad, readings: Readings, scatter: float,
             continue
         one = other
         why = refusal(pad, readings, one) | SKIN_MISMATCH * (power and known)
-        if not power and pad.depths.size == 1 and not is_nothing(readings, one.fit.evidence):
+        if not power and pad.depths.size == 1 and not is_nothing(readings, one):
             refused = why & ~OFF_PAD > 0 or _other_skin(one)
             free = refused or one.fit.scatter > one.beliefs.gain or (
                 one.beliefs.patch and one.fit.theta[WIDTH] >= MAX_VARIANCE)

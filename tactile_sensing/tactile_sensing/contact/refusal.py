@@ -5,13 +5,13 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.errors import NU
+from tactile_sensing.contact.errors import cost_of_error
 from tactile_sensing.contact.records import Hypothesis, Readings
-from tactile_sensing.skin.bumps import chord, loaded_chord, Pad, POINT, Q0, Q1, WIDTH
+from tactile_sensing.skin.bumps import BASE, chord, loaded_chord, Pad, POINT, Q0, Q1, WIDTH
 from tactile_sensing.types.contact import Reason
 
 BAD_FIT, NO_CONTACT, OFF_PAD = int(Reason.BAD_FIT), int(Reason.NO_CONTACT), int(Reason.OFF_PAD)
-TWO_CONTACTS = int(Reason.TWO_CONTACTS)
+TWO_CONTACTS, DEAD_TACTELS = int(Reason.TWO_CONTACTS), int(Reason.DEAD_TACTELS)
 DOUBT = 3.0  # a sharp load with a higher significance of d is not sufficient
 # Refused: significance of d above the first value and residual share above the second. Of a line,
 # only the residual across it counts here: its force may vary along it.
@@ -62,32 +62,46 @@ def has_second_hill(image: np.ndarray, noise: float) -> bool:
 
 
 @njit(error_model='numpy')
-def is_nothing(readings: Readings, evidence: float) -> bool:
+def is_nothing(readings: Readings, one: Hypothesis) -> bool:
     """
-    Return whether a baseline alone explains an image as well as a load of this evidence.
+    Return whether a baseline and at most one hot tactel explain an image as well as a load.
 
-    Like the force of a load, it is uniform up to the highest reading, which is positive.
+    A hot tactel is as likely as a load, and may be any tactel. Like the force of a load, its
+    reading and the baseline are uniform up to the highest reading, which is positive. It may be
+    hot under the load too; if the load has no baseline, there is none.
     """
-    middle, tails, logs, information = np.nanmedian(readings.value), 0.0, 0.0, 0.0
+    fit, drifts = one.fit, one.beliefs.active[-1] >= BASE
+    middle, peak = drifts * np.nanmedian(readings.value), np.nanmax(readings.value)
+    hot = (0.375 * peak * readings.value.size) ** 2  # 3/8: density of Student t at its middle
+    logs, gain, information = 0.0, 1.0, 0.0
     for t in range(readings.value.size):
-        if np.isfinite(readings.value[t]):
-            noise2 = readings.noise2[t]
-            tails += math.log1p((readings.value[t] - middle) ** 2 / (NU * noise2))
-            logs += math.log(noise2)
+        if readings.value[t] > readings.floor[t]:  # false for NaN
+            noise2, loaded = readings.noise2[t], 1.0
+            cost = cost_of_error(readings.value[t] - middle, noise2)
+            if fit.kept[t]:
+                loaded = max(cost_of_error(fit.error[t], fit.variance[t]), hot)
+            else:  # saturated: a probability, no density
+                cost /= noise2
+            logs, gain = logs + math.log(cost), max(gain, cost / loaded)
             information += 1.0 / noise2
-    information *= np.nanmax(readings.value) ** 2
-    return -0.5 * ((NU + 1.0) * tails + logs + math.log(information)) > evidence
+    logs += drifts * math.log(information * peak ** 2) - math.log(gain)
+    return -0.5 * logs > fit.evidence
 
 
 @njit(error_model='numpy')
-def _presses(pad: Pad, readings: Readings) -> bool:
-    """Return whether something clearly presses: on all tactels, or on two neighbours."""
+def _without_load(pad: Pad, readings: Readings) -> int:
+    """
+    Return the reason to refuse an image that no load explains better than a baseline.
+
+    Something clearly presses if it shows on all tactels, or on two neighbours.
+    """
     rows, columns = pad.y.size, pad.x.size
     reading = readings.value[:rows * columns] / math.sqrt(readings.noise2[0])
     base = np.nanmedian(reading)
     high = (reading - base > PLAIN).reshape(rows, columns)
-    return abs(base) > DRIFTED or (high[1:] & high[:-1]).any() or (
-        high[:, 1:] & high[:, :-1]).any()
+    if abs(base) > DRIFTED or (high[1:] & high[:-1]).any() or (high[:, 1:] & high[:, :-1]).any():
+        return BAD_FIT
+    return NO_CONTACT | DEAD_TACTELS * high.any()
 
 
 @njit(error_model='numpy')
@@ -120,8 +134,8 @@ def refusal(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     theta = one.fit.theta
     if one.fit.evidence == -np.inf:
         return BAD_FIT
-    if one.beliefs.robust and is_nothing(readings, one.fit.evidence):
-        return BAD_FIT if _presses(pad, readings) else NO_CONTACT
+    if is_nothing(readings, one):
+        return _without_load(pad, readings)
     wrong = _bad_fit(pad, readings, one)
     if wrong:
         return wrong
