@@ -57,6 +57,8 @@ def test_a_sensor_turned_about_its_normal_is_not_drawn_aside(scene, speed, yaw):
     simulation.world.force = lambda pose: force(pose @ turn)
     simulation.run(EdgeGoal(speed, 5.0, closed=scene.edge.closed), 60.0)
     assert simulation.servo.success
+    text = simulation.summary(EdgeGoal(speed, 5.0))['reason']
+    assert float(text.split('a turn of ')[1].split()[0]) == pytest.approx(yaw, rel=0.3), text
     places = np.array([cycle.pose[:3, 3] for cycle in simulation.log
                        if cycle.status.state in (State.TRACK, State.CORNER)])
     beside, _ = scene.edge.nearest(places[len(places) // 6:])

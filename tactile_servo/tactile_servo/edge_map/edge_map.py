@@ -177,6 +177,11 @@ class EdgeMap:
         return nodes['point'] @ back[:3, :3].T + back[:3, 3]
 
     @property
+    def turned(self) -> float:
+        """Angle about its z by which the sensor seems to be turned in its mounting [rad]."""
+        return self._yaw.angle
+
+    @property
     def closed(self) -> bool:
         """True if the path has reached its start."""
         return self.path is not None and self.path.end is PathEnd.CLOSED
