@@ -9,14 +9,14 @@ FORCE, STIFFNESS, DT = 5.0, 1e4, 0.0025
 TOUCHED = 0.5  # N
 
 
-def pressed(told, noise=0.0, begin=TOUCHED / STIFFNESS, late=0, **how):
+def pressed(felt, noise=0.0, begin=TOUCHED / STIFFNESS, late=0, **how):
     """Test of a pad whose images tell a force by its depth [m], `late` by some cycles."""
     rng = np.random.default_rng(0)
     how = {'load': TOUCHED, 'depth': lambda force: force / STIFFNESS} | how
     test, depths = PressTest(FORCE, **how), [begin]
     while not test.over and len(depths) < 4000:
         seen = depths[max(len(depths) - 1 - late, 0)]
-        load = max(told(seen) + noise * rng.normal(), 0.0)
+        load = max(felt(seen) + noise * rng.normal(), 0.0)
         test.see(len(depths), load, seen - begin)
         most = min(0.01, 0.4 * FORCE / STIFFNESS / (late * DT + 0.01))
         depths.append(depths[-1] + DT * min(test.speed(load, DT), most))
@@ -30,11 +30,11 @@ def test_a_sensor_that_answers_is_believed(factor, noise):
     assert test.over and test.problem() == ''
 
 
-@pytest.mark.parametrize('told', [
+@pytest.mark.parametrize('felt', [
     lambda depth: 0.2 * STIFFNESS * depth, lambda depth: 5.0 * STIFFNESS * depth,
     lambda depth: 3.5, lambda depth: max(7.0 - STIFFNESS * depth, 0.0)])
-def test_a_sensor_that_does_not_is_named(told):
-    test, _ = pressed(told, 0.02)
+def test_a_sensor_that_does_not_is_named(felt):
+    test, _ = pressed(felt, 0.02)
     assert 'of what the stiffness says' in test.problem()
 
 

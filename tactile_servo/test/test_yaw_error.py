@@ -7,13 +7,18 @@ import pytest
 from tactile_servo.edge_map.yaw_error import YawError
 
 
-def seen(ridge, angle, noise=0.0, jump=0.0):
-    """Check of a pad along a ridge, complex (N,) [m], with images turned by -angle [rad]."""
+def seen(ridge, angle, noise=0.0, jump=0.0, aside=0.0):
+    """
+    Return the angle found along a ridge, complex (N,) [m], with images turned by -angle [rad].
+
+    A pad that is `aside` (N,) [m] to the left sees the ridge twice as far away as it is.
+    """
     rng, check = np.random.default_rng(0), YawError(2e-3)
     way = np.gradient(ridge)
     way = way / abs(way) * np.exp(-1j * angle)
     places = ridge + noise * (rng.normal(size=len(ridge)) + 1j * rng.normal(size=len(ridge)))
-    left = np.zeros(len(ridge))
+    left = np.zeros(len(ridge)) + aside
+    places -= 1j * left
     places[len(ridge) // 2:] += 1j * jump
     left[len(ridge) // 2:] -= jump
     for image in zip(places, way, left, strict=True):
@@ -35,6 +40,12 @@ def test_the_way_shows_the_angle_on_lines_and_arcs(ridge, angle):
 
 def test_an_object_that_jumps_is_no_angle():
     assert abs(seen(LENGTH.astype(complex), 0.0, jump=1e-3)) < 1e-3
+
+
+def test_a_pad_that_moves_towards_the_ridge_is_no_angle():
+    """Coarse tactels show a ridge beside the pad's centre at a wrong place."""
+    aside = np.maximum(3e-3 - 0.3 * LENGTH, 0.0)
+    assert abs(seen(LENGTH.astype(complex), 0.0, aside=aside)) < 1e-3
 
 
 def test_turned_images_show_the_ridge_along_the_way():

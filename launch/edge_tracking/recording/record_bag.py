@@ -52,7 +52,7 @@ class BagWriter:
     A new bag; its contents stay readable if the process dies or the disk fails.
 
     `topics` are full name, message class and quality of service for players, of each topic. The
-    last part of a name, too, stands for the first topic with it. Raises a ConfigurationError if
+    last part of a name, too, means the first topic with it. Raises a ConfigurationError if
     the folder exists or cannot be made, or a message type is not installed.
     """
 

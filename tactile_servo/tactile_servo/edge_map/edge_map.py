@@ -23,7 +23,7 @@ LEAST_POINTS = 3  # least number of points of a ridge in an image
 PATH_SHARE = 0.4  # share of an image's ridge points on the path, above which it shows the path
 OFF_PATH = 1.0  # grains from the path beyond which a ridge point is not on it
 SLIP_CHORD = 2.0  # grains on each side of the pad: this chord is the heading after a slip
-ALIGNED = 0.08  # rad from the pad's y to the path; tactels show larger angles with a bias
+ALIGNED = 0.08  # rad between the pad's y and the path above which tactels bias directions
 ROUGHLY_ALONG = 0.5  # least cosine between a heading and the ridge at which a path begins
 NO_RIDGE = Reason(ReasonCode.EDGE_LOST, 'no ridge in the picture')
 ELSEWHERE = Reason(ReasonCode.EDGE_LOST, 'the picture shows no ridge along the path')
@@ -119,9 +119,9 @@ class EdgeMap:
     def _see_yaw(self, picture: Picture) -> None:
         """Compare the ridge under the pad with its way, not at corners or while turning."""
         grain = self.scale.grain
+        left, askew, _, _ = self.at_picture(1, self.station)
         line = local_line(picture.points, picture.x, picture.y,
                           *self.way(self.station - grain, self.station + grain), grain)
-        left, askew, _, _ = self.at_picture(1, self.station)
         if not line.support or picture.coming > 0.0 or self.corner_at(self.station) or (
                 abs(math.sin(askew)) > ALIGNED):
             self._yaw.forget()
@@ -177,7 +177,7 @@ class EdgeMap:
         return nodes['point'] @ back[:3, :3].T + back[:3, 3]
 
     @property
-    def turned(self) -> float:
+    def yaw_error(self) -> float:
         """Angle about its z by which the sensor seems to be turned in its mounting [rad]."""
         return self._yaw.angle
 

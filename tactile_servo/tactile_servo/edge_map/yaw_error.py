@@ -6,18 +6,18 @@ import math
 import numpy as np
 
 UNTURNED = 1.0  # grains, way that the assumption of a sensor mounted as stated counts for
-STEADY = 0.15  # grains: beyond, the pad moves towards the ridge in a step, or the object moves
-IMAGES = 1000  # of a step at most, while the pad does not move
+STEADY = 0.15  # grains, largest change of the pad's place beside the ridge within a step
+IMAGES = 1000  # largest number of images of a step, if the pad does not move
 
 
 class YawError:
     """
     Compares the direction of the ridge in images with the way of its point under the pad.
 
-    The pad's centre is known from the robot, whatever the angle: along an edge, straight or
-    curved, the point under it moves in the mean direction of the ridge. `angle` [rad] is how much
-    the images must be turned for that. Steps are one `grain` long, the resolution of an image [m];
-    the mean over the images of a step is compared with that of the step before.
+    The robot knows the pad's centre even if the images are turned about it. Along an edge,
+    straight or curved, the point under it moves in the mean direction of the ridge. `angle` [rad]
+    is how much the images must be turned for that. Steps are one `grain` long, the resolution of
+    an image [m]; the mean over the images of a step is compared with that of the step before.
     """
 
     def __init__(self, grain: float) -> None:

@@ -35,7 +35,7 @@ from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
 
-TURNED = 2.0  # degrees beyond which a turn of the mounting is named
+LARGE_YAW = 2.0  # degrees beyond which a turn of the mounting is named
 ADVANCE = 0.5  # grains, advance that counts as progress
 # Times `image_patience`, time without a usable image; longer than the supervisor's own timeout,
 # which handles missing images
@@ -139,12 +139,12 @@ class EdgeFollowing:
         return self.sight.problem or Reason(ReasonCode.EDGE_LOST)
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
-        self._progress, turned = progress, math.degrees(self.sight.edge.turned)
+        self._progress, yaw = progress, math.degrees(self.sight.edge.yaw_error)
         found = goal_end(self.goal, self._laps, progress, self._assess(now, progress, load))
-        if not found.success or abs(turned) < TURNED:
+        if not found.success or abs(yaw) < LARGE_YAW:
             return found
         return done(found.reason.code, 'the sensor seems to be mounted with a turn of '
-                    f'{turned:.1f} degrees about its z', success=True)
+                    f'{yaw:.1f} degrees about its z', success=True)
 
     def _assess(self, now: float, progress: float, load: float) -> Assessment:
         edge = self.sight.edge
