@@ -67,6 +67,7 @@ class ReasonCode(IntEnum):
     SENSOR_DRIFTED = 315, 'the sensor reads less than nothing'
     SENSOR_DISAGREES = 316, 'pad and wrist measure different forces'
     SELF_TEST = 317, 'pressed and released at first, the pad does not answer as it should'
+    WRONG_ORDER = 318, 'the edge moves the wrong way in the images'
     BUSY = 400, 'goal rejected: another one is active'
     INVALID_GOAL = 401, 'goal rejected'
     UNSUPPORTED_GOAL = 402, 'goal rejected: not what this servo law can do'

@@ -57,6 +57,27 @@ def run_tilted(scene, goal, tilt, *faults, **how):
     return simulation, simulation.summary(goal)
 
 
+@pytest.mark.parametrize('order, rearranged', [
+    ('columns reversed', np.fliplr), ('rows reversed', np.flipud),
+    ('rows and columns reversed', lambda image: image[::-1, ::-1])])
+@pytest.mark.parametrize('law', ['trace', 'resolved_rate'])
+def test_images_in_another_order_are_noticed_while_the_edge_is_on_the_pad(
+        law, order, rearranged):
+    """The corrections go the wrong way: the pad would leave the edge."""
+    scene = scene_of('two_segments')
+    simulation = Simulation(scene, law, seed=1)
+    render = simulation.world.render
+    simulation.world.render = lambda pose: np.ascontiguousarray(rearranged(render(pose)))
+    simulation.run(EdgeGoal(0.05, FORCE), 40.0)
+    status = simulation.log[-1].status
+    assert status.reason.code is ReasonCode.WRONG_ORDER, status.reason.text
+    assert order in status.reason.detail
+    assert max(cycle.force for cycle in simulation.log) < 1.5 * FORCE
+    places = np.array([cycle.pose[:3, 3] for cycle in simulation.log
+                       if cycle.status.state is State.TRACK])
+    assert np.abs(scene.edge.nearest(places)[0]).max() < 0.006
+
+
 def pressed_again(simulation):
     """Last text after another test of the sensor, '' if there was none."""
     texts = [cycle.status.reason.text for cycle in simulation.log]

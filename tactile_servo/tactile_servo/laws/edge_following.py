@@ -149,6 +149,8 @@ class EdgeFollowing:
     def _assess(self, now: float, progress: float, load: float) -> Assessment:
         edge = self.sight.edge
         path, scale = edge.path, edge.scale
+        if order := self.sight.order.problem():
+            return done(*order, lift=True)
         if not isinstance(self._mode, Following):  # the other modes have their own limits
             self._stall = Stall()
         if self._stall.see(now, progress, ADVANCE * scale.grain, self.goal.speed):

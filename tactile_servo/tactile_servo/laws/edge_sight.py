@@ -11,6 +11,7 @@ from tactile_servo.control.stability import AGE_SHARE
 from tactile_servo.edge_map.edge_map import EdgeMap, NO_RIDGE
 from tactile_servo.edge_map.picture import indentation_of, slope_where_lifted
 from tactile_servo.edge_map.traced_path import PathEnd
+from tactile_servo.image_order import ImageOrder
 from tactile_servo.law import Observation
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, TaskError
@@ -47,7 +48,7 @@ class EdgeSight:
         # path [m], and slope of the edge along the path against the plane.
         self.height = self.station = self.slope = 0.0
         self._level = 0  # successive images in motion in which the pad does not lift off
-        self.load, self.press = Load(), PressCheck()
+        self.load, self.press, self.order = Load(), PressCheck(), ImageOrder()
         self.error: TaskError | None = None
 
     @property
@@ -58,7 +59,10 @@ class EdgeSight:
     def refine(self, observation: Observation, contact: Contact) -> None:
         """Take the force of a contact's fitted line, which is more accurate than a sum."""
         picture, load = self.edge.picture, self.load
-        if (picture is not None and observation.stamp_ns == picture.stamp_ns
+        if picture is None:
+            return
+        self.order.see(contact, observation.pose(), picture.scale)
+        if (observation.stamp_ns == picture.stamp_ns
                 and contact.force_valid and contact.type == ContactType.LINE
                 and abs(contact.normal_force - load.force) < FIT_DIFFERENCE * load.force):
             self.load = load._replace(force=contact.normal_force)

@@ -16,6 +16,8 @@ from tactile_servo.control.press_test import PRESSED
 from tactile_servo.control.progress import LapGuard
 from tactile_servo.control.scaling import clipped, ramp, slewed
 from tactile_servo.control.stability import AGE_SHARE, DEAD_TIME, LAG, stable_gain
+from tactile_servo.edge_map.picture import PadScale
+from tactile_servo.image_order import ImageOrder
 from tactile_servo.law import (
     Assessment,
     done,
@@ -151,7 +153,7 @@ class ResolvedRate:
         self.error = None
         self._looked = self._shown = -math.inf
         self._laps, self._progress = LapGuard(), 0.0
-        self.press = PressCheck()
+        self.press, self._order = PressCheck(), ImageOrder()
         self.resume()
 
     def halt(self) -> None:
@@ -174,6 +176,8 @@ class ResolvedRate:
         self._looked = arrival
         if not self._begun:
             return
+        self._order.see(
+            observation.contact, observation.pose(), PadScale.of(self._array, 0.0))
         features, self._problem = edge_features(
             observation.contact, self._array, self.stiffness)
         if features is not None:
@@ -215,6 +219,8 @@ class ResolvedRate:
 
     def _assess(self, now: float, progress: float, load: float) -> Assessment:
         goal, array = self.goal, self._array
+        if order := self._order.problem():
+            return done(*order, lift=True)
         lacking = self.lacks(now)
         if lacking is not None:
             if load < self.servo.approach.contact_force:
