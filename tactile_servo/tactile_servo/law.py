@@ -15,6 +15,9 @@ from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import State, TaskError
 
+# An image whose pose is unknown
+UNPLACED = Reason(ReasonCode.BAD_IMAGE, 'no joint state near its stamp; compare the clocks of '
+                  'sensor and robot')
 Refusal = Reason  # its code is 400 or above, or names the missing input
 
 

@@ -85,8 +85,8 @@ class NormalWay:
             return twist
         stamp = self._inputs.contact.stamp_ns
         pose = self._inputs.pose_at(stamp)
-        if pose is not None:
-            self._test.see(stamp, self._inputs.load, self._beyond(pose))
+        advance = math.nan if pose is None else self._beyond(pose)
+        self._test.see(stamp, self._inputs.load, advance)
         speed = min(self._test.speed(self._inputs.load, dt), self._careful_speed())
         return np.array([0.0, 0.0, speed, 0.0, 0.0, 0.0])
 

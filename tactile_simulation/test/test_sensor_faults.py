@@ -78,6 +78,19 @@ def test_images_in_another_order_are_noticed_while_the_edge_is_on_the_pad(
     assert np.abs(scene.edge.nearest(places)[0]).max() < 0.006
 
 
+@pytest.mark.parametrize('scene, law, late, code, words', [
+    ('straight', 'trace', 0.03, ReasonCode.NO_EDGE, 'clocks of sensor and robot'),
+    ('surfaces/plane', None, 0.03, ReasonCode.NO_EDGE, 'clocks of sensor and robot'),
+    ('straight', 'resolved_rate', 0.09, ReasonCode.SELF_TEST, 'apart from those of joint states')])
+def test_images_with_stamps_of_another_clock_are_named(scene, law, late, code, words):
+    scene = scene_of(scene)
+    scene = dataclasses.replace(scene, plant=dataclasses.replace(scene.plant, stamp_error=late))
+    simulation = Simulation(scene, law)
+    simulation.run(EdgeGoal(0.03, FORCE) if law else LINE, 20.0)
+    reason = simulation.log[-1].status.reason
+    assert reason.code is code and words in reason.detail, reason.text
+
+
 def pressed_again(simulation):
     """Last text after another test of the sensor, '' if there was none."""
     texts = [cycle.status.reason.text for cycle in simulation.log]

@@ -58,12 +58,12 @@ class PressTest:
         return min((1.0 if saturated else UNLIKE) * self._expected, PRESS_DEPTH)
 
     def see(self, stamp_ns: int, load: float, advance: float) -> None:
-        """Process a load [N], its stamp [ns], and the advance of the pad at the stamp [m]."""
+        """Process a load [N], its stamp [ns], and the advance of the pad then [m] or NaN."""
         if not self.pressed and load >= self._least:
             self.pressed = True
             self._release = self._ratio * (
                 self._depth(self._top) - self._depth((1.0 - RELEASED) * self._least))
-        if self.pressed:
+        if self.pressed and math.isfinite(advance):
             self._way[stamp_ns] = advance, load
 
     def speed(self, load: float, dt: float) -> float:
@@ -84,7 +84,7 @@ class PressTest:
         way = np.array([(advance, self._depth(load)) for advance, load in self._way.values()
                         if TOUCHING * self._least < load <= self._most])
         if len(way) < 4:
-            return 'it was not felt long enough'
+            return 'it was felt too briefly, or with stamps apart from those of joint states'
         actual, shown = (way - way.mean(axis=0)).T
         square = float(actual @ actual)
         if square == 0.0:

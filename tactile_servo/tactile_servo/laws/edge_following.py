@@ -11,7 +11,16 @@ from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.press_test import PRESSED
 from tactile_servo.control.progress import LapGuard, Stall
 from tactile_servo.edge_map.traced_path import PathEnd
-from tactile_servo.law import Assessment, done, LawResult, Observation, Reference, Refusal, Touch
+from tactile_servo.law import (
+    Assessment,
+    done,
+    LawResult,
+    Observation,
+    Reference,
+    Refusal,
+    Touch,
+    UNPLACED,
+)
 from tactile_servo.laws.edge_config import EdgeFollowingConfig
 from tactile_servo.laws.edge_goal import (
     edge_end,
@@ -129,8 +138,10 @@ class EdgeFollowing:
                 self.sight.refine(observation, observation.contact)
             return
         pose = observation.pose()
+        if pose is None:
+            self.sight.problem = UNPLACED
         # Until the pad moves along the edge, every image begins a new path.
-        if pose is not None and self.sight.see(observation, pose, self._ahead, not self._begun):
+        elif self.sight.see(observation, pose, self._ahead, not self._begun):
             self._ahead = self._here = self.sight.edge.station
 
     def lacks(self, now: float) -> Reason | None:

@@ -30,6 +30,7 @@ from tactile_servo.law import (
     Reference,
     Refusal,
     Touch,
+    UNPLACED,
 )
 from tactile_servo.laws.surface_config import SurfaceConfig
 from tactile_servo.laws.surface_features import ContactSense, Felt, PadContact
@@ -161,6 +162,7 @@ class SurfaceFollowing:
             return
         pose, going = observation.pose(), self._going
         if pose is None:
+            going.problem = UNPLACED
             return
         felt = self._sense.look(observation.image, pose)
         if isinstance(felt, Reason):
