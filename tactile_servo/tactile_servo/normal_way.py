@@ -74,7 +74,10 @@ class NormalWay:
         self.touch()
         if self._test is not None and math.isnan(self._first):
             self._first = self._test.slope
-        self._test = PressTest(self._goal.force, self._inputs.load, self._law.depth, self._first)
+        sensor = self._inputs.sensor
+        rate = sensor.nominal_rate if sensor and sensor.nominal_rate else math.inf
+        self._test = PressTest(
+            self._goal.force, self._inputs.load, self._law.depth, self._first, rate)
 
     def test(self, dt: float) -> np.ndarray:
         """Compute the twist of the pad (6,) in the press test, for a cycle of `dt` [s]."""

@@ -9,15 +9,21 @@ FORCE, STIFFNESS, DT = 5.0, 1e4, 0.0025
 TOUCHED = 0.5  # N
 
 
-def pressed(felt, noise=0.0, begin=TOUCHED / STIFFNESS, late=0, **how):
-    """Test of a pad whose images tell a force by its depth [m], `late` by some cycles."""
+def pressed(felt, noise=0.0, begin=TOUCHED / STIFFNESS, late=0, every=1, stamped=0, **how):
+    """
+    Test of a pad whose images tell a force by its depth [m], `late` by some cycles.
+
+    There is an image in one of `every` cycles, whose stamp is off by `stamped` cycles.
+    """
     rng = np.random.default_rng(0)
     how = {'load': TOUCHED, 'depth': lambda force: force / STIFFNESS} | how
     test, depths = PressTest(FORCE, **how), [begin]
     while not test.over and len(depths) < 4000:
         seen = depths[max(len(depths) - 1 - late, 0)]
         load = max(felt(seen) + noise * rng.normal(), 0.0)
-        test.see(len(depths), load, seen - begin)
+        if len(depths) % every == 0:
+            at = max(len(depths) - 1 - late + stamped, 0)
+            test.see(round(1e9 * DT * len(depths)), load, depths[min(at, len(depths) - 1)] - begin)
         most = min(0.01, 0.4 * FORCE / STIFFNESS / (late * DT + 0.01))
         depths.append(depths[-1] + DT * min(test.speed(load, DT), most))
     return test, np.array(depths) - begin
@@ -53,10 +59,37 @@ def test_a_later_test_proves_that_the_answer_has_not_changed(factor, noise, pass
     assert test.slope == pytest.approx(factor, rel=0.02 if noise < 1.0 else 1.0)
 
 
+@pytest.mark.parametrize('stamped', [-2, 2])
+def test_stamps_that_are_wrong_do_not_hide_that_the_answer_is_the_same(stamped):
+    """The force seems to lag, or to lead: a loop over the depth, which is no noise."""
+    test, _ = pressed(lambda depth: 1.5 * STIFFNESS * depth, 0.02, FORCE / STIFFNESS / 1.5,
+                      late=2, stamped=stamped, load=FORCE, first=1.5)
+    assert test.problem() == '' and test.slope == pytest.approx(1.5, rel=0.03)
+
+
+def test_stamps_of_a_burst_may_be_a_nanosecond_apart_and_come_in_any_order():
+    test = PressTest(FORCE, TOUCHED, lambda force: force / STIFFNESS)
+    begin = 1_800_000_000_000_000_000
+    stamps = begin + np.round(1e9 * DT * np.arange(160)).astype(int)
+    stamps[40:48] = stamps[40] + np.arange(8)[::-1]
+    for stamp in stamps.tolist():
+        depth = (0.7 + 0.2 * np.cos(2.0 * np.pi * (stamp - begin) * 1e-9 / 0.4)) * 5e-4
+        test.see(stamp, STIFFNESS * depth, depth)
+        test.speed(STIFFNESS * depth, DT)
+    assert test.over and test.problem() == '' and test.slope == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_slow_sensor_is_pressed_for_longer():
+    """Four images within the usual time would prove nothing."""
+    test, depths = pressed(lambda depth: 1.5 * STIFFNESS * depth, 0.05, FORCE / STIFFNESS / 1.5,
+                           every=40, rate=10.0, load=FORCE, first=1.5)
+    assert test.problem() == '' and len(depths) * DT >= 3.0
+
+
 def test_a_pad_that_was_not_moved_is_named():
     test = PressTest(FORCE, TOUCHED, lambda force: force / STIFFNESS)
     for k in range(400):
-        test.see(k, 4.0, 0.0)
+        test.see(round(1e9 * DT * k), 4.0, 0.0)
         test.speed(4.0, DT)
     assert test.over and 'not seen to be released' in test.problem()
 

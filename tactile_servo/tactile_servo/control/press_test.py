@@ -14,6 +14,7 @@ RELEASED = 0.4  # share of the test's force that is released again
 TOUCHING = 0.2  # share of the test's force; with less the pad may have lost contact
 SURE = 3.0  # standard deviations of the measured slope that the decision allows for
 LASTING = 0.4  # s, duration of release and return
+IMAGES = 30  # least number of images in that time, of a slow sensor
 UNLIKE = 3.0  # factor between measured and predicted change of the force above which it fails
 UNLIKE_FIRST = 1.15  # factor between the changes in this and in the first test
 
@@ -27,12 +28,14 @@ class PressTest:
     latest at the distance `deepest` from the touch.
 
     A later test begins at the larger load of a goal. With the slope `first` of a test that proved
-    the sensor, it must prove it too, in the same range of loads.
+    the sensor, it must prove it too, in the same range of loads. The lower the `rate` of images
+    [Hz], the longer it takes.
     """
 
     def __init__(self, force: float, load: float, depth: Callable[[float], float],
-                 first: float = math.nan):
+                 first: float = math.nan, rate: float = math.inf):
         self._depth, self._first, again = depth, first, not math.isnan(first)
+        self._lasting = max(LASTING, IMAGES / rate)
         self._least = PRESSED * force if again else max(PRESSED * force, load)
         self._aim = self._least + SURPLUS * force
         self._expected = depth(self._least) - depth(0.0 if again else load)
@@ -46,7 +49,7 @@ class PressTest:
     @property
     def over(self) -> bool:
         """Whether the pad has returned."""
-        return self._lasted >= LASTING
+        return self._lasted >= self._lasting
 
     def deepest(self, saturated: bool) -> float:
         """
@@ -75,27 +78,33 @@ class PressTest:
         if self.over:
             return 0.0
         # Smooth release and return: the displacement is (1 - cos) / 2 of the release.
-        turn = 2.0 * math.pi / LASTING
+        turn = 2.0 * math.pi / self._lasting
         return -0.5 * self._release * turn * math.sin(turn * self._lasted)
 
     def problem(self) -> str:
         """Return what contradicts the stiffness, or the first test; '' if nothing does."""
         # Depths are computed only now: pressing may have brought more of the edge under the pad.
-        way = np.array([(advance, self._depth(load)) for advance, load in self._way.values()
+        begin = min(self._way, default=0)  # stamps of a burst differ by less than a float shows
+        way = np.array([(1e-9 * (stamp - begin), advance, self._depth(load))
+                        for stamp, (advance, load) in sorted(self._way.items())
                         if TOUCHING * self._least < load <= self._most])
-        if len(way) < 4:
+        if len(way) < 5:
             return 'it was felt too briefly, or with stamps apart from those of joint states'
-        actual, shown = (way - way.mean(axis=0)).T
-        square = float(actual @ actual)
-        if square == 0.0:
+        time, actual, shown = (way - way.mean(axis=0)).T
+        # Late stamps and a skin that creeps delay the force, by a part in proportion to the speed.
+        speed = np.gradient(actual, time)
+        known = np.column_stack([actual, speed - speed.mean()])
+        square = known.T @ known
+        if np.linalg.matrix_rank(square) < 2:
             return 'the pad was not seen to be released'
-        self.slope = slope = float(actual @ shown) / square
-        left = shown - slope * actual
-        doubt = SURE * math.sqrt(float(left @ left) / (len(way) - 2) / square)
+        self.slope, delay = np.linalg.solve(square, known.T @ shown)
+        slope, left = self.slope, shown - known @ (self.slope, delay)
+        variance = float(left @ left) / (len(way) - 3) * np.linalg.inv(square)[0, 0]
+        doubt = SURE * math.sqrt(variance)
         changes = f'the force changes by {slope:.2g} of what the stiffness says'
         first = self._first
         if math.isnan(first):
-            wrong = slope + doubt < 1.0 / UNLIKE or slope - doubt > UNLIKE
-            return changes if wrong else ''
+            right = slope + doubt >= 1.0 / UNLIKE and slope - doubt <= UNLIKE
+            return '' if right else changes
         sure = first / UNLIKE_FIRST < slope - doubt and slope + doubt < first * UNLIKE_FIRST
         return '' if sure else f'{changes}, {first:.2g} at first'
