@@ -1,5 +1,6 @@
 """Claimed errors hold on arrays that are not ideal; frames by closed forms."""
 
+from averages_over_tactels import point_average
 import numpy as np
 import pytest
 
@@ -47,6 +48,22 @@ def over_claims(found, truth):
         ratios.append((across - truth['offset'])
                       / np.sqrt(claimed[:, ROW.x, ROW.x] + claimed[:, ROW.y, ROW.y]))
     return max(np.sqrt(np.mean(ratio[valid]**2)) for ratio in ratios)
+
+
+@pytest.mark.parametrize('pitch', [3e-3, 4e-3])
+def test_sharp_points_on_wide_tactels_leave_noise_alone(pitch):
+    """Without a skin, the fit ends on tactels that average over their area."""
+    array, rng = TactelArray(8, 8, pitch, pitch), np.random.default_rng(17)
+    frames = np.array([point_average('zz', array.x, array.y[:, None], *place, 5.0, 0.0, 0.0, DEPTH,
+                                     pitch, pitch)
+                       for place in rng.uniform(-3.0, 3.0, (100, 2)) * pitch])
+    noise = 0.01 * frames.max()
+    found = ContactEstimator().estimate_batch(
+        frames + noise * rng.standard_normal(frames.shape), array,
+        [Layer('zz', 0.0, None, noise_std=noise)])
+    valid = found[found['valid']]
+    assert len(valid) > 90
+    assert np.percentile(valid['residual'], 80) < 1.5
 
 
 @pytest.mark.parametrize('spread, known', [(0.1, 0.1), (0.1, 0.0), (0.05, 0.0), (0.02, 0.0)])

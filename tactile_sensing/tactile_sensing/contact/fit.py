@@ -216,13 +216,15 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
     scale = _begin(fit, pad, readings, beliefs)
     if scale.peak == 0.0:
         return fit
-    scatter, marginal, moved = 0.0, 0.0, np.inf
+    scatter, marginal, moved, was_coarse = 0.0, 0.0, np.inf, False
     g, last = beliefs.gain if robust else beliefs.known, STEPS[1 if robust else 0] - 1
     for iteration in range(last + 1):
         heat = 0.0
         if iteration < annealed:
             heat = (0.3 * scale.peak * COOLING ** iteration) ** 2
         coarse = beliefs.power and (heat > 0.0 or theta[WIDTH] > math.log(BROAD * pad.pitch))
+        if was_coarse and not coarse:
+            moved = np.inf  # that step was of another model
         done = iteration == last or (moved < SETTLED and heat == 0.0)
         _model(fit, pad, beliefs, theta, coarse, done)
         _compare(fit, rows * columns, readings)
@@ -255,5 +257,5 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
             return Fit(theta, fit.inverse, fit.by, fit.rows, fit.model, fit.square, fit.error,
                        fit.weight, fit.variance, fit.kept, evidence if works else -np.inf,
                        scatter, iteration + 1)
-        moved = _step(theta, step, fit.inverse, beliefs)
+        moved, was_coarse = _step(theta, step, fit.inverse, beliefs), coarse
     return fit
