@@ -119,3 +119,26 @@ def test_derivatives_are_differences(kind, power, layers, ends, seed):
         np.testing.assert_array_equal(
             by[BASE + layer].reshape(len(layers), -1).max(axis=1), np.eye(len(layers))[layer])
     assert np.isfinite(model).all()
+
+
+@pytest.mark.parametrize('power', [True, False])
+def test_two_points_are_the_sum_of_both_and_their_derivatives_those_by_differences(power):
+    pad = pad_of(ARRAY, (('zz', 0.0),) if power else ONE)
+    shape = {'WIDTH': np.log(2e-3), 'EXPONENT': np.log(2.2)} if power else {'WIDTH': 0.15}
+    theta = loaded(POINT, Q2=-3e-3, Q3=2e-3, SHARE=0.3, **shape)
+
+    def image(theta):
+        by, model = np.zeros((theta.size, ARRAY.rows * ARRAY.columns)), np.zeros(
+            ARRAY.rows * ARRAY.columns)
+        bumps.add_rows_of_two(power, True, False, pad, theta, by, model)
+        return model, by
+
+    second = theta.copy()
+    second[[Q0, Q1]] = theta[[bumps.Q2, bumps.Q3]]
+    model, by = image(theta)
+    one, other = (rows(POINT, power, pad, load)[0] for load in (theta, second))
+    np.testing.assert_allclose(model, 0.7 * one + 0.3 * other, rtol=1e-12)
+    for parameter in (*SHARP, bumps.SHEAR_V, WIDTH, bumps.Q2, bumps.Q3, bumps.SHARE):
+        step = STEPS.get(parameter, 1e-3) * np.eye(theta.size)[parameter]
+        slope = (image(theta + step)[0] - image(theta - step)[0]) / (2.0 * step.sum())
+        assert np.abs(by[parameter] - slope).max() < 1e-5 * np.abs(slope).max(), parameter

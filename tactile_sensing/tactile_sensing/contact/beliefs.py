@@ -12,12 +12,16 @@ from tactile_sensing.skin.bumps import (
     END,
     EXPONENT,
     FORCE,
+    LINE,
     Pad,
-    POINT,
     Q0,
     Q1,
+    Q2,
+    Q3,
+    SHARE,
     SHEAR_U,
     SHEAR_V,
+    TWO,
     WIDTH,
 )
 from tactile_sensing.skin.kernel import MAX_VARIANCE
@@ -27,7 +31,9 @@ SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P: known skin, unk
 TAPER_SPREAD = 0.5  # standard deviation of taper / force of a line
 SCATTER = 0.05  # assumed scatter of unknown gains
 POWER, ENDS, ROBUST, PATCH, BASELINE, TAPERED = 1, 2, 4, 8, 16, 32  # options, see `Beliefs`
-FEW_END = 3.0  # log odds of a line that crosses the pad against one that ends on it
+# Log odds of a point or a line that crosses the pad: against two points or a line that ends.
+RARE = 3.0
+APART = 0.055  # a higher unexplained pressure away from the load is a second load [of its peak]
 UNSEEN = 0.0, 0.05  # d where the residual does not show it: sharp load on a known skin, others
 
 
@@ -49,12 +55,12 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
     mean, information, step = np.zeros(count), np.zeros(count), np.ones(count)
     low, high, fitted = np.full(count, -np.inf), np.full(count, np.inf), np.zeros(count, np.bool_)
     fitted[Q0] = fitted[Q1] = fitted[FORCE] = fitted[SHEAR_U] = True
-    fitted[SHEAR_V] = kind == POINT or options & TAPERED > 0  # that of a line is its taper
+    fitted[SHEAR_V] = kind != LINE or options & TAPERED > 0  # that of a line is its taper
     reach = math.hypot(pad.half_x, pad.half_y)
     information[Q0] = reach ** -2
     step[Q0] = step[Q1] = step[BEGIN] = step[END] = 0.6 * pad.pitch
     volume, flat = 0.0, 0
-    if kind == POINT:
+    if kind != LINE:
         information[Q1] = reach ** -2
         high[Q0], high[Q1] = 1.25 * pad.half_x, 1.25 * pad.half_y
         low[Q0], low[Q1] = -high[Q0], -high[Q1]
@@ -62,11 +68,18 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
         information[Q1] = (2.0 * math.pi) ** -2
         low[Q0], high[Q0] = -1.25 * reach, 1.25 * reach
         step[Q1] = 0.15
+    if kind == TWO:
+        fitted[Q2] = fitted[Q3] = fitted[SHARE] = True
+        information[Q2] = information[Q3] = reach ** -2
+        low[Q2], high[Q2], low[Q3], high[Q3] = low[Q0], high[Q0], low[Q1], high[Q1]
+        low[SHARE], high[SHARE], step[SHARE] = APART, 1.0 - APART, 0.2
+        volume += RARE
+        flat += 1
     if ends:
         fitted[BEGIN] = fitted[END] = True
         low[BEGIN] = low[END] = -1.5 * reach
         high[BEGIN] = high[END] = 1.5 * reach
-        volume += 2.0 * math.log(2.0 * reach) + FEW_END
+        volume += 2.0 * math.log(2.0 * reach) + RARE
         flat += 2
     if power:
         fitted[WIDTH] = fitted[EXPONENT] = True

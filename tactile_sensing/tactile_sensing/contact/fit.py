@@ -30,6 +30,7 @@ from tactile_sensing.contact.normal_equations import add_normal, solve
 from tactile_sensing.contact.records import Beliefs, Fit, Readings
 from tactile_sensing.skin.bumps import (
     add_rows,
+    add_rows_of_two,
     BASE,
     FORCE,
     LINE,
@@ -37,6 +38,7 @@ from tactile_sensing.skin.bumps import (
     SHEAR_U,
     SHEAR_V,
     TAPER,
+    TWO,
     WIDTH,
 )
 
@@ -62,8 +64,11 @@ def _model(fit: Fit, pad: Pad, beliefs: Beliefs, theta: np.ndarray, coarse: bool
            every: bool) -> None:
     """Write model and derivatives of a load; `every`: by parameters that are not fitted too."""
     wide = every or beliefs.power or beliefs.patch
-    add_rows(beliefs.kind, beliefs.power, beliefs.ends, wide, coarse, pad, theta, fit.by,
-             fit.model)
+    if beliefs.kind == TWO:
+        add_rows_of_two(beliefs.power, wide, coarse, pad, theta, fit.by, fit.model)
+    else:
+        add_rows(beliefs.kind, beliefs.power, beliefs.ends, wide, coarse, pad, theta, fit.by,
+                 fit.model)
     for i in range(beliefs.active.size):
         for t in range(fit.model.size):
             fit.rows[i, t] = fit.by[beliefs.active[i], t]

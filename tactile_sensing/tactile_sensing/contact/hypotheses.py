@@ -6,7 +6,7 @@ The next tier runs only if the one before leaves a residual:
 1. *Sharp*: a point or a line on the known skin, Gaussian noise. Most images of a calibrated skin
    end here.
 2. *Robust*: the same with outliers, scatter and baseline; with a patch or ends if the evidence
-   supports them.
+   supports them. Two points are a rival: if they are likelier, the image is refused.
 3. *Free*: width and exponent of the bump are fitted too. Place and direction need no skin.
 
 If the best of them does not explain the image, the image is refused.
@@ -19,6 +19,7 @@ import numpy as np
 
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.beliefs import (
+    APART,
     BASELINE,
     beliefs_of,
     ENDS,
@@ -42,6 +43,10 @@ from tactile_sensing.skin.bumps import (
     POINT,
     Q0,
     Q1,
+    Q2,
+    Q3,
+    SHARE,
+    TWO,
     WIDTH,
 )
 from tactile_sensing.skin.kernel import MAX_VARIANCE
@@ -119,6 +124,10 @@ def _cold_start(kind: int, power: bool, guess: Guess, count: int) -> np.ndarray:
     theta = np.zeros(count)
     if kind == POINT:
         theta[Q0], theta[Q1] = guess.x, guess.y
+    elif kind == TWO:
+        x, y = -math.sin(guess.across) * guess.length, math.cos(guess.across) * guess.length
+        theta[Q0], theta[Q1], theta[Q2], theta[Q3], theta[SHARE] = (
+            guess.x - x, guess.y - y, guess.x + x, guess.y + y, 0.5)
     else:
         theta[Q0] = guess.x * math.cos(guess.across) + guess.y * math.sin(guess.across)
         theta[Q1] = guess.across
@@ -140,7 +149,7 @@ def _fitted(pad: Pad, readings: Readings, scatter: float, kind: int, options: in
     beliefs = beliefs_of(pad, scatter, kind, options)
     fit = unfitted(theta, readings.noise2, beliefs.active.size)
     for option in (0, TAPERED):
-        if option and (kind == POINT or not shows_taper(fit)):
+        if option and (kind != LINE or not shows_taper(fit)):
             break
         others = beliefs_of(pad, scatter, kind, options + option)
         other = fit_load(pad, readings, others, fit.theta)
@@ -233,30 +242,38 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
 
     In the steps before 0 a kind is fitted, the second only if the first leaves a residual. Only if
     the evidence asks for it, a patch is added to the better of them (0), a line with ends is
-    fitted (1), and a patch is added to this (2).
+    fitted (1), and a patch is added to this (2). If a residual is left, two points are fitted (3):
+    if they are likelier, the scatter of the gains hides a load that is neither.
     """
-    for step in range(-kinds.size, 3):
-        kind, ends, patch = kinds[min(step, -1)], False, False
-        theta = _cold_start(kind, power, guess, BASE + pad.depths.size)
+    short = -np.inf  # evidence of a line too short to be one: this is a point
+    for step in range(-kinds.size, 4):
+        kind, ends, patch = kinds[min(step, -1)], step == 1, step == 0 or step == 2
         if step == -1 and best.fit.evidence > -np.inf and not _unexplained(best):
             continue
-        if step == 1:
-            if not (kinds == LINE).any() or not _unexplained(best):
-                break
-            kind, ends = LINE, True
-            theta = _cold_start(kind, power, guess, BASE + pad.depths.size)
+        if patch and (not best.misfit.hidden > SHOWN or step == 2 and not best.beliefs.ends):
+            continue
+        if (step == 1 or step == 3) and not ((kinds == LINE).any() and _unexplained(best)):
+            break
+        if step == 1 or step == 3:
+            kind = LINE if ends else TWO
+        theta = _cold_start(kind, power, guess, BASE + pad.depths.size)
+        if ends:
             _add_ends(theta, guess)
-        elif step >= 0:
-            if not best.misfit.hidden > SHOWN or step == 2 and not best.beliefs.ends:
-                continue
-            kind, ends, patch = best.beliefs.kind, best.beliefs.ends, True
+        elif patch:
+            kind, ends = best.beliefs.kind, best.beliefs.ends
             theta = best.fit.theta.copy()
             theta[WIDTH] = FIRST_PATCH
         one = _fitted(pad, readings, scatter, kind,
                       ROBUST + BASELINE + POWER * power + ENDS * ends + PATCH * patch, theta)
-        if one.fit.evidence > best.fit.evidence and not (
-                ends and too_short(pad, one.fit.theta, ends)):
-            best = _judged(pad, readings, one)
+        least, share = best.fit.evidence, one.fit.theta[SHARE]
+        if kind == TWO:
+            least = max(least, short)
+            if min(share, 1.0 - share) <= APART:
+                continue  # the evidence asks for less than a second load
+        if ends and too_short(pad, one.fit.theta, ends):
+            short = max(short, one.fit.evidence)
+        elif one.fit.evidence > least:
+            best = one if kind == TWO else _judged(pad, readings, one)
         if step == -1 and best.fit.evidence == -np.inf:
             break
     return best

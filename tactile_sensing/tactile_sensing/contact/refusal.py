@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.contact.beliefs import APART
 from tactile_sensing.contact.errors import cost_of_error
 from tactile_sensing.contact.records import Hypothesis, Readings
-from tactile_sensing.skin.bumps import BASE, chord, loaded_chord, Pad, POINT, Q0, Q1, WIDTH
+from tactile_sensing.skin.bumps import BASE, chord, loaded_chord, Pad, POINT, Q0, Q1, TWO, WIDTH
 from tactile_sensing.types.contact import Reason
 
 BAD_FIT, NO_CONTACT, OFF_PAD = int(Reason.BAD_FIT), int(Reason.NO_CONTACT), int(Reason.OFF_PAD)
@@ -22,7 +23,6 @@ NOISY = 0.1  # a larger share of tactels beyond noise is not explained by broken
 DRIFTED, PLAIN = 20.0, 8.0
 # Height of a second hill: share of the first. Its rise: share of its height, multiple of noise.
 HILL, SADDLE, RISE = 0.2, 0.3, 6.0
-APART = 0.055  # a higher unexplained pressure away from the load is a second load [of its peak]
 SHORTEST = 3.0  # shortest line on the pad [pitches]
 ROUNDING = 1e-9  # a parameter that is nearer to its bound is at it
 
@@ -107,7 +107,7 @@ def _without_load(pad: Pad, readings: Readings) -> int:
 @njit(error_model='numpy')
 def _bad_fit(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     """
-    Return BAD_FIT if a residual is too large, with TWO_CONTACTS if the image has two hills.
+    Return BAD_FIT for two points or too large a residual; TWO_CONTACTS too if there are two hills.
 
     A bump of free shape that is as wide as its bound may be anything broad: its residual counts as
     significant.
@@ -117,7 +117,8 @@ def _bad_fit(pad: Pad, readings: Readings, one: Hypothesis) -> int:
         significance = np.inf
     left = one.residual.left
     across = math.sqrt(max(left ** 2 - one.misfit.along ** 2, 0.0))
-    wrong = one.misfit.apart > APART or one.residual.loud > NOISY or left > MOST
+    wrong = one.beliefs.kind == TWO or one.misfit.apart > APART
+    wrong |= one.residual.loud > NOISY or left > MOST
     for least, share in WRONG:
         wrong |= significance > least and across > share
     if not wrong:

@@ -18,15 +18,16 @@ import numpy as np
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.skin.kernel import CENTRE, DEGREE
 
-POINT, LINE = 1, 2
+POINT, LINE, TWO = 1, 2, 3
 # Parameters of a load. Q0, Q1: x, y of a point [m]; rho [m], yaw [rad] of a line. BEGIN, END:
 # ends of a line, along it from the foot of the origin [m]. WIDTH: variance of the patch
 # [depths^2] on a known skin, else log of the half width [m]. EXPONENT: log n. FORCE, SHEAR_U,
 # SHEAR_V: [N] of a point, [N/m] of a line; SHEAR_U of a line is the shear across it. TAPER, in
 # the place of SHEAR_V: growth of the force of a line, along it from the foot of the origin, over
 # half the diagonal of the pad [N/m]. BASE: baseline of the first layer; the others follow.
-Q0, Q1, BEGIN, END, WIDTH, EXPONENT, FORCE, SHEAR_U, SHEAR_V, BASE = range(10)
-TAPER = SHEAR_V
+# Of TWO points: Q0, Q1 and Q2, Q3: x, y [m]; SHARE: part of the load that is on the second.
+Q0, Q1, BEGIN, END, SHARE, WIDTH, EXPONENT, FORCE, SHEAR_U, SHEAR_V, BASE = range(11)
+Q2, Q3, TAPER = BEGIN, END, SHEAR_V
 BEYOND = 8.0  # a line is invisible from this distance outside the pad [depths]
 LOG2 = math.log(2.0)
 
@@ -373,3 +374,20 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
                 _skin_bumps(part, shape, slope, centre, wide)
             _accumulate(part, line, ends, lever, turned, node, theta, turn, n, half, by[:, here],
                         model[here])
+
+
+@njit(cache=True, error_model='numpy')
+def add_rows_of_two(power: bool, wide: bool, coarse: bool, pad: Pad, theta: np.ndarray,
+                    by: np.ndarray, model: np.ndarray) -> None:
+    """Compute the image of TWO points and its derivatives; parameters as of `add_rows`."""
+    one, other, share = np.zeros_like(by), theta.copy(), theta[SHARE]
+    other[Q0], other[Q1] = theta[Q2], theta[Q3]
+    add_rows(POINT, power, False, wide, coarse, pad, theta, one, model)
+    alone = model.copy()
+    add_rows(POINT, power, False, wide, coarse, pad, other, by, model)
+    by[Q2], by[Q3] = share * by[Q0], share * by[Q1]
+    by[Q0], by[Q1] = (1.0 - share) * one[Q0], (1.0 - share) * one[Q1]
+    by[SHARE] = model - alone
+    for row in range(WIDTH, by.shape[0]):
+        by[row] = (1.0 - share) * one[row] + share * by[row]
+    model[:] = (1.0 - share) * alone + share * model
