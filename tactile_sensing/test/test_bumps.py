@@ -51,6 +51,17 @@ def test_a_point_is_that_of_the_half_space(layers, seed):
         assert np.abs(found - true).max() < 1e-3 * np.abs(true).max()
 
 
+@pytest.mark.parametrize('exponent', [1.7, 2.5, 12.0])
+@pytest.mark.parametrize('width', [0.3e-3, 1.5e-3, 20e-3])
+def test_a_bump_of_free_shape_is_a_power_of_the_distance(width, exponent):
+    theta = loaded(POINT, WIDTH=np.log(width), EXPONENT=np.log(exponent), SHEAR_U=0.0, SHEAR_V=0.0)
+    model, _ = rows(POINT, True, pad_of(ARRAY, (('zz', 0.0),), area=False), theta)
+    squared = (ARRAY.x - theta[Q0])**2 + (ARRAY.y[:, None] - theta[Q1])**2
+    half = 2.0**(1.0 / exponent) - 1.0  # of the peak at the half width
+    true = theta[FORCE] * (1.0 + half * squared / width**2)**-exponent
+    np.testing.assert_allclose(model, true.ravel(), rtol=1e-8 * exponent, atol=1e-200)
+
+
 @pytest.mark.parametrize('seed', range(6))
 def test_a_line_is_that_of_the_half_space_on_tactels_of_some_area(seed):
     pad, theta = pad_of(ARRAY, ONE), loaded(LINE, seed=seed)

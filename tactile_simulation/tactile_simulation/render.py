@@ -5,6 +5,7 @@ import numpy as np
 
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.skin import kernels
+from tactile_sensing.skin.bumps import coefficients_of, value_of
 from tactile_sensing.skin.kernel import polynomials
 from tactile_sensing.skin.pressure import split_tactel
 from tactile_sensing.types.array import TactelArray
@@ -104,7 +105,7 @@ def _point_shape(skin: Skin, size_x: float, size_y: float) -> tuple[np.ndarray, 
 def _add_points(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, nodes: np.ndarray,
                 shape: np.ndarray, depth: float, places: np.ndarray, loads: np.ndarray) -> None:
     """Add the pressure of point loads [N] at places (L, 2) [m]."""
-    of_f, centre = kernels.coefficients_of(shape), kernels.centre_of(depth)
+    of_f, centre = coefficients_of(shape), kernels.centre_of(depth)
     for k in range(len(loads)):
         load = loads[k] / nodes.shape[0]
         for j in range(nodes.shape[0]):
@@ -113,4 +114,4 @@ def _add_points(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, nodes: np.nd
                 row, v = pressure[r], y[r] + dy
                 for c in range(x.size):
                     u = x[c] + dx
-                    row[c] += load * kernels.value_of(of_f, centre / (u * u + v * v + centre))
+                    row[c] += load * value_of(of_f, centre / (u * u + v * v + centre))

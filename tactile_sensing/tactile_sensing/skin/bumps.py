@@ -10,12 +10,13 @@ height and the exponent n are then unknowns. They cover depth, bone, bluntness a
 tactels together.
 """
 
+from collections.abc import Callable
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from tactile_common.kernels import FAST, njit
+from tactile_common.kernels import FAST, njit, to_fixed_tuple
 from tactile_sensing.skin.kernel import CENTRE, DEGREE
 
 POINT, LINE, TWO = 1, 2, 3
@@ -30,6 +31,18 @@ Q0, Q1, BEGIN, END, SHARE, WIDTH, EXPONENT, FORCE, SHEAR_U, SHEAR_V, BASE = rang
 Q2, Q3, TAPER = BEGIN, END, SHEAR_V
 BEYOND = 8.0  # a line is invisible from this distance outside the pad [depths]
 LOG2 = math.log(2.0)
+TERMS = DEGREE + 1  # of a polynomial
+MANTISSA, BIAS = 52, 1023  # of a double: bits, exponent of 1
+
+
+def _interpolated(function: Callable, degree: int) -> tuple[float, ...]:
+    """Return a polynomial for a function on [0, 1], highest power first."""
+    chebyshev = np.polynomial.Chebyshev.interpolate(function, degree, [0.0, 1.0])
+    power = chebyshev.convert(kind=np.polynomial.Polynomial)
+    return tuple(power.convert(domain=[-1.0, 1.0]).coef[::-1].tolist())
+
+
+LOG2_OF, TWO_TO = _interpolated(lambda x: np.log2(1.0 + x), 11), _interpolated(np.exp2, 6)
 
 
 class Pad(NamedTuple):
@@ -44,6 +57,21 @@ class Pad(NamedTuple):
     depths: np.ndarray  # (layers,) [m]; 0: unknown skin
     levers: np.ndarray  # (layers, 3): component = (gz + gx x' + gy y') times the pressure
     polynomials: np.ndarray  # (layers, *shape of `skin.kernel.polynomials`); empty: unknown skin
+
+
+@njit(error_model='numpy')
+def coefficients_of(shape: np.ndarray) -> tuple[float, ...]:
+    """Convert coefficients to a tuple, so that loops over them unroll and tactels vectorise."""
+    return to_fixed_tuple(shape, TERMS)
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def value_of(coefficients: tuple[float, ...], t: float) -> float:
+    """Evaluate a polynomial, highest power first."""
+    value = 0.0
+    for coefficient in coefficients:
+        value = value * t + coefficient
+    return value
 
 
 @njit(cache=True, error_model='numpy')
@@ -72,64 +100,87 @@ def loaded_chord(pad: Pad, theta: np.ndarray, ends: bool) -> tuple[float, float,
     return first, last, change
 
 
-# Rows of the work array of one node: U, V distances from the load; ALONG the line; S squared
+# Tactels are computed in blocks of constant size, so that loops over them vectorise. Rows of the
+# work array of a block, at one node: U, V distances from the load; ALONG the line; S squared
 # distance; f and g, their derivatives by s, by WIDTH (log w), by n; T; derivatives by BEGIN and
 # END; temporary values; GROWS: ALONG in half diagonals of the pad, 0 for a point.
-U, V, ALONG, S, F, G, FS, GS, FW, GW, FN, GN, T, F0, G0, F1, G1 = range(17)
-FIRST, LAST, AT_FIRST, AT_LAST, POWER, GROWS, SCRATCH = 17, 18, 19, 20, 21, 22, 23
+BLOCK = 64
+(U, V, ALONG, S, F, G, FS, GS, FW, GW, FN, GN, T, F0, G0, F1, G1, FIRST, LAST, AT_FIRST, AT_LAST,
+ POWER, GROWS, SCRATCH) = range(0, 24 * BLOCK, BLOCK)
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _from_load(part: np.ndarray, places: np.ndarray, dx: float, dy: float, line: bool, cos: float,
+               sin: float, theta: np.ndarray, half: float) -> None:
+    """Fill rows U to S and GROWS at a node of the tactels at places (2, BLOCK) [m]."""
+    for i in range(BLOCK):
+        x, y = places[0, i] + dx, places[1, i] + dy
+        if line:
+            part[U + i], part[ALONG + i] = x * cos + y * sin - theta[Q0], y * cos - x * sin
+            part[GROWS + i] = part[ALONG + i] / half
+        else:
+            part[U + i], part[V + i] = x - theta[Q0], y - theta[Q1]
+        part[S + i] = part[U + i] ** 2 + part[V + i] ** 2
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _power_of(base: float, n: float) -> tuple[float, float]:
+    """
+    Return the natural log of a base, which is at least 1, and base^-n.
+
+    The polynomials are within 3e-10. Functions of the C library would not vectorise.
+    """
+    bits = np.float64(base).view(np.int64)
+    exponent = (bits >> MANTISSA) - BIAS
+    part = np.int64(bits - (exponent << MANTISSA)).view(np.float64) - 1.0
+    log2 = exponent + value_of(LOG2_OF, part)
+    down = max(-n * log2, 1.0 - BIAS)
+    whole = math.floor(down)
+    two = np.int64((np.int64(whole) + BIAS) << MANTISSA).view(np.float64)
+    return LOG2 * log2, two * value_of(TWO_TO, down - whole)
 
 
 @njit(error_model='numpy', fastmath=FAST)
 def _power_bumps(part: np.ndarray, w: float, n: float) -> None:
     """Fill rows F to GN for the bump (1 + s / w^2)^-n."""
     inverse = 1.0 / (w * w)
-    for i in range(part.shape[1]):
-        q = 1.0 / (1.0 + part[S, i] * inverse)
-        lq = math.log(q)
-        f = math.exp(n * lq)
-        fs, fw, fn = -n * f * q * inverse, 2.0 * n * f * (1.0 - q), lq * f
-        part[F, i], part[G, i] = f, f / w
-        part[FS, i], part[GS, i] = fs, fs / w
-        part[FW, i], part[GW, i] = fw, (fw - f) / w
-        part[FN, i], part[GN, i] = fn, fn / w
+    for i in range(BLOCK):
+        base = 1.0 + part[S + i] * inverse
+        log, f = _power_of(base, n)
+        q = 1.0 / base
+        fs, fw, fn = -n * f * q * inverse, 2.0 * n * f * (1.0 - q), -log * f
+        part[F + i], part[G + i] = f, f / w
+        part[FS + i], part[GS + i] = fs, fs / w
+        part[FW + i], part[GW + i] = fw, (fw - f) / w
+        part[FN + i], part[GN + i] = fn, fn / w
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _with_slope(coefficients: tuple[float, ...], t: float) -> tuple[float, float]:
+    """Evaluate a polynomial, highest power first, and its derivative."""
+    value = slope = 0.0
+    for coefficient in coefficients:
+        slope = slope * t + value
+        value = value * t + coefficient
+    return value, slope
 
 
 @njit(error_model='numpy', fastmath=FAST)
 def _skin_bumps(part: np.ndarray, shape: np.ndarray, slope: np.ndarray, centre: float,
                 wide: bool) -> None:
-    """Fill rows F to GW for a bump on a known skin; FW and GW only if `wide`."""
-    size = part.shape[1]
-    part[F:FN] = 0.0
-    t = part[T]
-    for i in range(size):
-        t[i] = centre / (part[S, i] + centre)
-    for j in range(DEGREE + 1):
-        f, g = shape[0, j], shape[1, j]
-        for i in range(size):
-            part[FS, i] = part[FS, i] * t[i] + part[F, i]
-            part[F, i] = part[F, i] * t[i] + f
-            part[GS, i] = part[GS, i] * t[i] + part[G, i]
-            part[G, i] = part[G, i] * t[i] + g
-        if wide:
-            f, g = slope[0, j], slope[1, j]
-            for i in range(size):
-                part[FW, i] = part[FW, i] * t[i] + f
-                part[GW, i] = part[GW, i] * t[i] + g
-    for i in range(size):
-        by = -t[i] * t[i] / centre
-        part[FS, i] *= by
-        part[GS, i] *= by
-
-
-@njit(error_model='numpy', fastmath=FAST)
-def _value(shape: np.ndarray, centre: float, s: float) -> tuple[float, float]:
-    """Return f and g at a squared distance s, without derivatives."""
-    t = centre / (s + centre)
-    f = g = 0.0
-    for j in range(DEGREE + 1):
-        f = f * t + shape[0, j]
-        g = g * t + shape[1, j]
-    return f, g
+    """Fill rows F to GW for a bump on a known skin; FW to GN only if `wide`."""
+    f, g = coefficients_of(shape[0]), coefficients_of(shape[1])
+    for i in range(BLOCK):
+        t = centre / (part[S + i] + centre)
+        by = -t * t / centre
+        part[F + i], fs = _with_slope(f, t)
+        part[G + i], gs = _with_slope(g, t)
+        part[T + i], part[FS + i], part[GS + i] = t, by * fs, by * gs
+    if wide:
+        part[FN:T] = 0.0
+        fw, gw = coefficients_of(slope[0]), coefficients_of(slope[1])
+        for i in range(BLOCK):
+            part[FW + i], part[GW + i] = value_of(fw, part[T + i]), value_of(gw, part[T + i])
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -140,7 +191,7 @@ def _power_part(q: float, u: float) -> tuple[float, float, float]:
     u and v are in units of w.
     """
     r = q + u * u
-    root = math.sqrt(r)
+    root = r ** 0.5  # vectorises, other than `math.sqrt`
     r25 = r * r * root
     return (0.25 * u * (3.0 * q + 2.0 * u * u) / (r * root), -0.375 * u * q / r25,
             0.75 * q * q / r25)
@@ -184,23 +235,23 @@ def chord(pad: Pad, rho: float, yaw: float) -> tuple[float, float]:
 @njit(error_model='numpy', fastmath=FAST)
 def _end_power(part: np.ndarray, w: float, begin: float, end: float) -> None:
     """Limit the power bumps of a line to the part from begin to end."""
-    for i in range(part.shape[1]):
-        q = 1.0 + part[S, i] / (w * w)
-        a, b = (begin - part[ALONG, i]) / w, (end - part[ALONG, i]) / w
+    for i in range(BLOCK):
+        q = 1.0 + part[S + i] / (w * w)
+        a, b = (begin - part[ALONG + i]) / w, (end - part[ALONG + i]) / w
         sa, qa, ua = _power_part(q, a)
         sb, qb, ub = _power_part(q, b)
         share, by_q = sb - sa, qb - qa
         by_w = -2.0 * (q - 1.0) * by_q - ub * b + ua * a
-        f, g = part[F, i], part[G, i]
-        part[F0, i], part[G0, i] = -f * ua / w, -g * ua / w
-        part[F1, i], part[G1, i] = f * ub / w, g * ub / w
-        part[FW, i] = part[FW, i] * share + f * by_w
-        part[GW, i] = part[GW, i] * share + g * by_w
-        part[FS, i] = part[FS, i] * share + f * by_q / (w * w)
-        part[GS, i] = part[GS, i] * share + g * by_q / (w * w)
-        part[FN, i] *= share
-        part[GN, i] *= share
-        part[F, i], part[G, i] = f * share, g * share
+        f, g = part[F + i], part[G + i]
+        part[F0 + i], part[G0 + i] = -f * ua / w, -g * ua / w
+        part[F1 + i], part[G1 + i] = f * ub / w, g * ub / w
+        part[FW + i] = part[FW + i] * share + f * by_w
+        part[GW + i] = part[GW + i] * share + g * by_w
+        part[FS + i] = part[FS + i] * share + f * by_q / (w * w)
+        part[GS + i] = part[GS + i] * share + g * by_q / (w * w)
+        part[FN + i] *= share
+        part[GN + i] *= share
+        part[F + i], part[G + i] = f * share, g * share
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -213,85 +264,87 @@ def _end_skin(part: np.ndarray, tip: np.ndarray, tip_slope: np.ndarray, centre: 
     over the powers of t = c^2 / (u^2 + w^2 + c^2).
     """
     part[F:GROWS] = 0.0
-    for i in range(part.shape[1]):
-        low, high = begin - part[ALONG, i], end - part[ALONG, i]
-        part[F0, i], part[G0, i] = _value(tip, centre, part[S, i] + low * low)
-        part[F1, i], part[G1, i] = _value(tip, centre, part[S, i] + high * high)
-        across = centre + part[S, i]
-        root = math.sqrt(across)
-        part[T, i] = centre / across
-        part[AT_FIRST, i], part[AT_LAST, i] = (
+    f_tip, g_tip = coefficients_of(tip[0]), coefficients_of(tip[1])
+    for i in range(BLOCK):
+        low, high = begin - part[ALONG + i], end - part[ALONG + i]
+        across = centre + part[S + i]
+        root = across ** 0.5
+        part[T + i] = centre / across
+        part[AT_FIRST + i], part[AT_LAST + i] = (
             centre / (across + low * low), centre / (across + high * high))
-        part[FIRST, i], part[LAST, i] = low * part[AT_FIRST, i], high * part[AT_LAST, i]
-        part[POWER, i] = centre / root * math.atan2((high - low) * root, across + high * low)
-        part[F, i] = tip[0, DEGREE] * (high - low)
-        part[G, i] = tip[1, DEGREE] * (high - low)
-        part[FW, i] = tip_slope[0, DEGREE] * (high - low)
-        part[GW, i] = tip_slope[1, DEGREE] * (high - low)
+        part[F0 + i], part[G0 + i] = -value_of(f_tip, part[AT_FIRST + i]), -value_of(
+            g_tip, part[AT_FIRST + i])
+        part[F1 + i], part[G1 + i] = value_of(f_tip, part[AT_LAST + i]), value_of(
+            g_tip, part[AT_LAST + i])
+        part[FIRST + i], part[LAST + i] = low * part[AT_FIRST + i], high * part[AT_LAST + i]
+        part[POWER + i] = centre / root * math.atan2((high - low) * root, across + high * low)
+        part[F + i] = tip[0, DEGREE] * (high - low)
+        part[G + i] = tip[1, DEGREE] * (high - low)
+        part[FW + i] = tip_slope[0, DEGREE] * (high - low)
+        part[GW + i] = tip_slope[1, DEGREE] * (high - low)
     for n in range(1, DEGREE + 1):
         f, g = tip[0, DEGREE - n], tip[1, DEGREE - n]
         fw, gw = tip_slope[0, DEGREE - n], tip_slope[1, DEGREE - n]
-        for i in range(part.shape[1]):
-            power = part[POWER, i]
-            part[F, i] += f * power
-            part[G, i] += g * power
-            part[FW, i] += fw * power
-            part[GW, i] += gw * power
-            power = part[T, i] * (
-                part[LAST, i] - part[FIRST, i] + (2.0 * n - 1.0) * power) / (2.0 * n)
-            part[FS, i] -= n * f * power / centre
-            part[GS, i] -= n * g * power / centre
-            part[FIRST, i] *= part[AT_FIRST, i]
-            part[LAST, i] *= part[AT_LAST, i]
-            part[POWER, i] = power
-    for i in range(part.shape[1]):
-        part[F0, i], part[G0, i] = -part[F0, i], -part[G0, i]
+        for i in range(BLOCK):
+            power = part[POWER + i]
+            part[F + i] += f * power
+            part[G + i] += g * power
+            part[FW + i] += fw * power
+            part[GW + i] += gw * power
+            power = part[T + i] * (
+                part[LAST + i] - part[FIRST + i] + (2.0 * n - 1.0) * power) / (2.0 * n)
+            part[FS + i] -= n * f * power / centre
+            part[GS + i] -= n * g * power / centre
+            part[FIRST + i] *= part[AT_FIRST + i]
+            part[LAST + i] *= part[AT_LAST + i]
+            part[POWER + i] = power
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _accumulate(part: np.ndarray, line: bool, ends: bool, lever: np.ndarray, turned: float,
-                node: float, theta: np.ndarray, turn: float, n: float, half: float,
-                by: np.ndarray, model: np.ndarray) -> None:
-    """Add the contribution of a quadrature node to the image and its derivatives."""
+def _accumulate(part: np.ndarray, line: bool, ends: bool, wide: bool, lever: np.ndarray,
+                turned: float, node: float, theta: np.ndarray, turn: float, n: float, half: float,
+                sums: np.ndarray) -> None:
+    """Add the contribution of a node to the derivatives and, in the row of BASE, the image."""
     shear_u, shear_v = theta[SHEAR_U], theta[SHEAR_V]
     rho, gz, gx, gy = theta[Q0], lever[0], lever[1], lever[2]
-    for i in range(part.shape[1]):
-        u, v = part[U, i], part[V, i]
-        share, force = node * (gz + gx * u + gy * v), theta[FORCE] + theta[TAPER] * part[GROWS, i]
+    for i in range(BLOCK):
+        u, v = part[U + i], part[V + i]
+        share, force = node * (gz + gx * u + gy * v), theta[FORCE] + theta[TAPER] * part[GROWS + i]
         across = shear_u * u + shear_v * v
-        common = 2.0 * (force * part[FS, i] + across * part[GS, i])
-        value = force * part[F, i] + across * part[G, i]
-        by_u = share * (common * u + shear_u * part[G, i])
-        model[i] += share * value
-        by[Q0, i] -= by_u + node * gx * value
+        common = 2.0 * (force * part[FS + i] + across * part[GS + i])
+        value = force * part[F + i] + across * part[G + i]
+        by_u = share * (common * u + shear_u * part[G + i])
+        sums[BASE * BLOCK + i] += share * value
+        sums[Q0 * BLOCK + i] -= by_u + node * gx * value
         if line:
-            by[Q1, i] += by_u * part[ALONG, i] + node * turned * u * value
-            by[Q1, i] += node * gx * value * part[ALONG, i]
-            by[Q1, i] -= share * part[F, i] * theta[TAPER] * (u + rho) / half
-            by[TAPER, i] += share * part[F, i] * part[GROWS, i]
+            sums[Q1 * BLOCK + i] += by_u * part[ALONG + i] + node * turned * u * value
+            sums[Q1 * BLOCK + i] += node * gx * value * part[ALONG + i]
+            sums[Q1 * BLOCK + i] -= share * part[F + i] * theta[TAPER] * (u + rho) / half
+            sums[TAPER * BLOCK + i] += share * part[F + i] * part[GROWS + i]
         else:
-            by[Q1, i] -= share * (common * v + shear_v * part[G, i]) + node * gy * value
-            by[SHEAR_V, i] += share * part[G, i] * v
-        by[FORCE, i] += share * part[F, i]
-        by[SHEAR_U, i] += share * part[G, i] * u
-    for i in range(part.shape[1]):
-        share = node * (gz + gx * part[U, i] + gy * part[V, i])
-        force = theta[FORCE] + theta[TAPER] * part[GROWS, i]
-        across = shear_u * part[U, i] + shear_v * part[V, i]
-        by_w = force * part[FW, i] + across * part[GW, i]
-        by_n = force * part[FN, i] + across * part[GN, i]
-        by[WIDTH, i] += share * by_w
-        by[EXPONENT, i] += share * (by_w * turn + n * by_n)
+            sums[Q1 * BLOCK + i] -= share * (common * v + shear_v * part[G + i])
+            sums[Q1 * BLOCK + i] -= node * gy * value
+            sums[SHEAR_V * BLOCK + i] += share * part[G + i] * v
+        sums[FORCE * BLOCK + i] += share * part[F + i]
+        sums[SHEAR_U * BLOCK + i] += share * part[G + i] * u
+    for i in range(BLOCK if wide else 0):
+        share = node * (gz + gx * part[U + i] + gy * part[V + i])
+        force = theta[FORCE] + theta[TAPER] * part[GROWS + i]
+        across = shear_u * part[U + i] + shear_v * part[V + i]
+        by_w = force * part[FW + i] + across * part[GW + i]
+        by_n = force * part[FN + i] + across * part[GN + i]
+        sums[WIDTH * BLOCK + i] += share * by_w
+        sums[EXPONENT * BLOCK + i] += share * (by_w * turn + n * by_n)
     if ends:
-        for i in range(part.shape[1]):
-            across = shear_u * part[U, i]
-            share = node * (gz + gx * part[U, i])
-            force = theta[FORCE] + theta[TAPER] * part[GROWS, i]
-            first = share * (force * part[F0, i] + across * part[G0, i])
-            last = share * (force * part[F1, i] + across * part[G1, i])
-            by[Q1, i] += (first + last) * (part[U, i] + rho)
-            by[BEGIN, i] += first
-            by[END, i] += last
+        for i in range(BLOCK):
+            across = shear_u * part[U + i]
+            share = node * (gz + gx * part[U + i])
+            force = theta[FORCE] + theta[TAPER] * part[GROWS + i]
+            first = share * (force * part[F0 + i] + across * part[G0 + i])
+            last = share * (force * part[F1 + i] + across * part[G1 + i])
+            sums[Q1 * BLOCK + i] += (first + last) * (part[U + i] + rho)
+            sums[BEGIN * BLOCK + i] += first
+            sums[END * BLOCK + i] += last
 
 
 @njit(cache=True, error_model='numpy')
@@ -318,11 +371,13 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
     """
     rows, columns = pad.y.size, pad.x.size
     size = rows * columns
-    by[:] = 0.0
-    model[:] = 0.0
-    part = np.zeros((SCRATCH, size))
-    shape, slope = np.empty((2, DEGREE + 1)), np.empty((2, DEGREE + 1))
-    tip, tip_slope = np.empty((2, DEGREE + 1)), np.empty((2, DEGREE + 1))
+    part, sums = np.empty(SCRATCH), np.empty((BASE + 1) * BLOCK)
+    part[V:V + BLOCK] = part[GROWS:GROWS + BLOCK] = 0.0
+    places = np.zeros((2, (size + BLOCK - 1) // BLOCK * BLOCK))
+    for r in range(rows):
+        for c in range(columns):
+            places[0, r * columns + c], places[1, r * columns + c] = pad.x[c], pad.y[r]
+    shape, slope, tip, tip_slope = np.empty((4, 2, TERMS))
     line, half = kind == LINE, math.hypot(pad.half_x, pad.half_y)
     cos, sin, w, n, turn = 1.0, 0.0, 1.0, 1.0, 0.0
     if line:
@@ -344,36 +399,35 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
             if ends:
                 shape_of(pad.polynomials[k], depth, 0, 0.0, ratio * theta[WIDTH], tip, tip_slope)
                 tip_slope *= ratio
-        here, lever, turned = slice(k * size, (k + 1) * size), pad.levers[k].copy(), 0.0
+        lever, turned = pad.levers[k].copy(), 0.0
         if line:  # keep the shear component across the line
             turned = lever[2] * cos - lever[1] * sin
             lever[1], lever[2] = lever[1] * cos + lever[2] * sin, 0.0
-        by[BASE + k, here] = 1.0
-        for j in range(1 if coarse else pad.nodes.shape[0]):
-            dx, dy, node = pad.nodes[j, 0], pad.nodes[j, 1], pad.nodes[j, 2]
-            if coarse:
-                dx, dy, node = 0.0, 0.0, 1.0
-            for r in range(rows):
-                y = pad.y[r] + dy
-                for c in range(columns):
-                    i, x = r * columns + c, pad.x[c] + dx
-                    if line:
-                        part[U, i] = x * cos + y * sin - theta[Q0]
-                        part[ALONG, i] = y * cos - x * sin
-                        part[GROWS, i] = part[ALONG, i] / half
-                    else:
-                        part[U, i], part[V, i] = x - theta[Q0], y - theta[Q1]
-                    part[S, i] = part[U, i] ** 2 + part[V, i] ** 2
-            if ends and not power:
-                _end_skin(part, tip, tip_slope, centre, begin, end)
-            elif power:
-                _power_bumps(part, w, n - 0.5 * line)
-                if ends:
-                    _end_power(part, w, theta[BEGIN], theta[END])
-            else:
-                _skin_bumps(part, shape, slope, centre, wide)
-            _accumulate(part, line, ends, lever, turned, node, theta, turn, n, half, by[:, here],
-                        model[here])
+        by[BASE:, k * size:(k + 1) * size] = 0.0
+        by[BASE + k, k * size:(k + 1) * size] = 1.0
+        for first in range(0, size, BLOCK):
+            sums[:] = 0.0
+            for j in range(1 if coarse else pad.nodes.shape[0]):
+                dx, dy, node = pad.nodes[j, 0], pad.nodes[j, 1], pad.nodes[j, 2]
+                if coarse:
+                    dx, dy, node = 0.0, 0.0, 1.0
+                _from_load(part, places[:, first:first + BLOCK], dx, dy, line, cos, sin, theta,
+                           half)
+                if ends and not power:
+                    _end_skin(part, tip, tip_slope, centre, begin, end)
+                elif power:
+                    _power_bumps(part, w, n - 0.5 * line)
+                    if ends:
+                        _end_power(part, w, theta[BEGIN], theta[END])
+                else:
+                    _skin_bumps(part, shape, slope, centre, wide)
+                _accumulate(part, line, ends, wide, lever, turned, node, theta, turn, n, half,
+                            sums)
+            begins, count = k * size + first, min(BLOCK, size - first)
+            for i in range(count):
+                for p in range(BASE):
+                    by[p, begins + i] = sums[p * BLOCK + i]
+                model[begins + i] = sums[BASE * BLOCK + i]
 
 
 @njit(cache=True, error_model='numpy')
