@@ -19,25 +19,25 @@ GRID_STEP = math.log(GRID[1] / GRID[0])
 GRID.flags.writeable = False
 NEIGHBOURS = 0.1  # share of a neighbour's squared pressure that scatters at a tactel
 DEAD = 0.01  # prior probability that a tactel is dead: it reads only noise
+MOST = math.exp(200.0)  # largest exponential of a dead tactel: most loaded ones need no other
 LIT = 0.02  # squared pressure over noise variance, above which the scatter is visible
 
 
 @njit(error_model='numpy', fastmath=FAST)
 def spread_of(model: np.ndarray, rows: int, columns: int, square: np.ndarray) -> None:
     """Write to `square` the squared pressure that multiplies g^2 in the variance of a tactel."""
-    for i in range(model.size):
-        square[i] = model[i] * model[i]
-    for i in range(model.size):
-        near = NEIGHBOURS * model[i] * model[i]
-        r, c = i // columns % rows, i % columns
-        if r > 0:
-            square[i - columns] += near
-        if r < rows - 1:
-            square[i + columns] += near
-        if c > 0:
-            square[i - 1] += near
-        if c < columns - 1:
-            square[i + 1] += near
+    near = NEIGHBOURS * model * model
+    square[:] = model * model
+    for first in range(0, model.size, columns):
+        r, last = first // columns % rows, first + columns - 1
+        for i in range(first, last + 1 if r > 0 else first):
+            square[i] += near[i - columns]
+        for i in range(first, last + 1 if r < rows - 1 else first):
+            square[i] += near[i + columns]
+        for i in range(first, last):
+            square[i] += near[i + 1]
+        for i in range(first, last):
+            square[i + 1] += near[i]
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -63,7 +63,8 @@ def cost_of_error(error: float, variance: float) -> float:
 @njit(error_model='numpy')
 def cost_of_dead(reading: float, noise2: float) -> float:
     """Return the inverse squared likelihood of the reading of a dead tactel."""
-    return noise2 * math.exp(min(reading * reading / noise2, 200.0)) / DEAD ** 2
+    exponent = reading * reading / noise2
+    return noise2 * (math.exp(exponent) if exponent < 200.0 else MOST) / DEAD ** 2
 
 
 @njit(error_model='numpy')

@@ -128,11 +128,11 @@ def _compare(fit: Fit, size: int, readings: Readings) -> None:
     for t in range(reading.size):
         if np.isfinite(reading[t]):
             expected = fit.model[t] + fit.theta[BASE + t // size]
-            error, limit = min(max(reading[t], floor[t]), full[t]) - expected, (
-                CONTRADICTED * math.sqrt(fit.variance[t]))
-            fit.error[t] = error
-            fit.kept[t] = not (reading[t] >= full[t] and error < limit
-                               or reading[t] <= floor[t] and error > -limit)
+            fit.error[t] = error = min(max(reading[t], floor[t]), full[t]) - expected
+            fit.kept[t] = floor[t] < reading[t] < full[t]
+            if not fit.kept[t]:
+                limit = CONTRADICTED * math.sqrt(fit.variance[t])
+                fit.kept[t] = error >= limit if reading[t] >= full[t] else error <= -limit
 
 
 @njit(error_model='numpy')
@@ -233,7 +233,8 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
         done = iteration == last or (moved < SETTLED and heat == 0.0)
         _model(fit, pad, beliefs, theta, coarse, done)
         _compare(fit, rows * columns, readings)
-        spread_of(fit.model, rows, columns, fit.square)
+        if done or g > 0.0:
+            spread_of(fit.model, rows, columns, fit.square)
         _prior(beliefs, max(abs(theta[FORCE]), 1e-3 * scale.force), scale.drift, prior)
         if done or (robust and heat == 0.0 and iteration % 2 == 0):
             scatter, marginal = marginal_scatter(
