@@ -80,8 +80,12 @@ def _smooth_plane(x: np.ndarray, y: np.ndarray, width: float, values: np.ndarray
                   first: int) -> None:
     """Smooth values (n, tactels) of a layer, from a tactel on, by a Gaussian; in place."""
     rows, columns = y.size, x.size
-    over_x = np.exp(-0.5 * ((x.reshape(-1, 1) - x) / width) ** 2)
-    over_y = np.exp(-0.5 * ((y.reshape(-1, 1) - y) / width) ** 2)
+    over_x, over_y = np.empty((columns, columns)), np.empty((rows, rows))
+    for place, over in ((x, over_x), (y, over_y)):
+        near = np.exp(-0.5 * ((place - place[0]) / width) ** 2)
+        for i in range(place.size):
+            for j in range(place.size):
+                over[i, j] = near[abs(i - j)]
     for k in range(values.shape[0]):
         layer = values[k, first:first + rows * columns].copy().reshape(rows, columns)
         smooth = over_y @ layer @ over_x
@@ -93,11 +97,9 @@ def _smooth_plane(x: np.ndarray, y: np.ndarray, width: float, values: np.ndarray
 @njit(error_model='numpy')
 def _places(pad: Pad, tactels: int, angle: float) -> np.ndarray:
     """Return places of the tactels along a direction [m], shape (tactels,)."""
-    columns, size, place = pad.x.size, pad.x.size * pad.y.size, np.empty(tactels)
-    cos, sin = math.cos(angle), math.sin(angle)
-    for i in range(tactels):
-        place[i] = pad.x[i % columns] * cos + pad.y[i % size // columns] * sin
-    return place
+    place = np.empty((tactels // (pad.x.size * pad.y.size), pad.y.size, pad.x.size))
+    place[:] = (pad.y * math.sin(angle)).reshape(-1, 1) + pad.x * math.cos(angle)
+    return place.ravel()
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -150,7 +152,7 @@ def _agreement(kind: int, pad: Pad, fit: Fit, rows: np.ndarray, answer: np.ndarr
     """
     n, tactels = rows.shape
     columns, size = pad.x.size, pad.x.size * pad.y.size
-    by_model = moved - 0.5 * (both @ rows)
+    by_model, root = moved - 0.5 * (both @ rows), np.sqrt(fit.weight) * loaded
     common, passed = np.empty(tactels), np.empty(tactels)
     agreed = expected = pairs = 0.0
     for side in range(2):
@@ -170,34 +172,27 @@ def _agreement(kind: int, pad: Pad, fit: Fit, rows: np.ndarray, answer: np.ndarr
                 j = i + ahead
                 common[i] -= rows[k, i] * by_model[k, j] + rows[k, j] * by_model[k, i]
                 passed[i] += rows[k, i] * answer[k, j]
-        for i in range(count):
-            j = i + ahead
-            border = i % columns == columns - 1 if side == 0 else (
-                i % size // columns == pad.y.size - 1)
-            if loaded[i] and loaded[j] and not border:
-                weight = 2.0 * math.sqrt(fit.weight[i] * fit.weight[j])
-                agreed += weight * (fit.error[i] * fit.error[j] + passed[i])
+        for first in range(0, tactels, columns):
+            last = first + columns - 1 + side
+            if side == 1 and (first + columns) % size == 0:  # no neighbour
+                last = first
+            for i in range(first, last):
+                weight = 2.0 * root[i] * root[i + ahead]
+                agreed += weight * (fit.error[i] * fit.error[i + ahead] + passed[i])
                 expected += weight * common[i]
-                pairs += 1.0
+                pairs += weight > 0.0
     return agreed, 2.0 * math.sqrt(pairs), expected
 
 
 @njit(error_model='numpy')
 def _by_gains(fit: Fit, beliefs: Beliefs) -> np.ndarray:
     """Return the additional covariance if the gains scatter more than the fit assumed."""
-    n = fit.rows.shape[0]
-    total, more = np.zeros((n, n)), max(fit.scatter ** 2 - beliefs.known ** 2, 0.0)
-    extra = more * (fit.weight * fit.model) ** 2
-    for i in range(n):
-        weighted = fit.rows[i] * extra
-        for j in range(i + 1):
-            for t in range(extra.size):
-                total[i, j] += weighted[t] * fit.rows[j, t]
-            total[j, i] = total[i, j]
-    return fit.inverse @ total @ fit.inverse
+    more = max(fit.scatter ** 2 - beliefs.known ** 2, 0.0)
+    scaled = fit.inverse @ (fit.rows * (fit.weight * fit.model))
+    return more * (scaled @ scaled.T)
 
 
-@njit(error_model='numpy')
+@njit(error_model='numpy', fastmath=FAST)
 def _one_more(fit: Fit, by: np.ndarray) -> tuple[float, float, np.ndarray]:
     """
     Estimate a parameter that was not fitted from the residual, with derivatives `by` (tactels,).
@@ -205,18 +200,10 @@ def _one_more(fit: Fit, by: np.ndarray) -> tuple[float, float, np.ndarray]:
     Returns its value, its standard deviation (0 if it is not determined), and the changes of the
     fitted parameters with it, shape (n,).
     """
-    n, weighted = fit.rows.shape[0], fit.weight * by
-    coupled, slope, right, own = np.zeros(n), np.zeros(n), 0.0, 0.0
-    for t in range(by.size):
-        own += weighted[t] * by[t]
-        right += weighted[t] * fit.error[t]
-    for i in range(n):
-        for t in range(by.size):
-            coupled[i] += weighted[t] * fit.rows[i, t]
-    for i in range(n):
-        for j in range(n):
-            slope[i] -= fit.inverse[i, j] * coupled[j]
-        own += slope[i] * coupled[i]
+    weighted = fit.weight * by
+    coupled = fit.rows @ weighted
+    slope, right = -(fit.inverse @ coupled), (weighted * fit.error).sum()
+    own = (weighted * by).sum() + (slope * coupled).sum()
     if not own > 0.0:
         return 0.0, 0.0, slope
     return right / own, 1.0 / math.sqrt(own), slope
@@ -265,6 +252,8 @@ def _apart(pad: Pad, fit: Fit, noise2: np.ndarray, peak: float) -> float:
         for c in range(columns):
             if fit.model[r * columns + c] < AWAY * peak:
                 around = 0.0
+                if not over[r, c] > apart * peak:
+                    continue
                 for i in range(max(r - 1, 0), min(r + 2, rows)):
                     for j in range(max(c - 1, 0), min(c + 2, columns)):
                         if i != r or j != c:
@@ -285,6 +274,8 @@ def _unseen_middle(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs,
     r = (I_1 - I_2) / S. If the half width is unknown too, the variance of the place increases by
     r^2 / (S (1 - r^2) + 12 / width^2), where `width` is that of the saturated tactels.
     """
+    if not (readings.value >= readings.full).any():
+        return
     for i in range(beliefs.active.size):
         parameter = beliefs.active[i]
         if parameter != Q0 and (parameter != Q1 or beliefs.kind == LINE):

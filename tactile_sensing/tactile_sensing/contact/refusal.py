@@ -73,7 +73,7 @@ def is_nothing(readings: Readings, one: Hypothesis) -> bool:
     fit, drifts = one.fit, one.beliefs.active[-1] >= BASE
     middle, peak = drifts * np.nanmedian(readings.value), np.nanmax(readings.value)
     hot = (0.375 * peak * readings.value.size) ** 2  # 3/8: density of Student t at its middle
-    logs, gain, information = 0.0, 1.0, 0.0
+    logs, product, gain, information = 0.0, 1.0, 1.0, 0.0
     for t in range(readings.value.size):
         if readings.value[t] > readings.floor[t]:  # false for NaN
             noise2, loaded = readings.noise2[t], 1.0
@@ -82,9 +82,11 @@ def is_nothing(readings: Readings, one: Hypothesis) -> bool:
                 loaded = max(cost_of_error(fit.error[t], fit.variance[t]), hot)
             else:  # saturated: a probability, no density
                 cost /= noise2
-            logs, gain = logs + math.log(cost), max(gain, cost / loaded)
+            product, gain = product * cost, max(gain, cost / loaded)
             information += 1.0 / noise2
-    logs += drifts * math.log(information * peak ** 2) - math.log(gain)
+            if not 1e-100 < product < 1e100:  # saves logarithms: one for many tactels
+                logs, product = logs + math.log(product), 1.0
+    logs += math.log(product) + drifts * math.log(information * peak ** 2) - math.log(gain)
     return -0.5 * logs > fit.evidence
 
 
