@@ -43,12 +43,13 @@ class ImageOrder:
             across = math.hypot(x, scale.half * turn)
             if max(across, abs(y) / ALONG) < STEP * scale.grain:
                 return
-            for k, (side, sense) in enumerate(ORDERS.values() if abs(y) < ALONG * across else ()):
-                yaw = sense * last_yaw
-                aside = side * (contact.offset - last_offset) + (
-                    x * math.cos(yaw) + y * math.sin(yaw))
-                askew = scale.half * math.sin(sense * contact.yaw - yaw + turn)
-                self._moved[k] += (aside**2 + askew**2) / scale.grain**2
+            if abs(y) < ALONG * across:
+                for k, (side, sense) in enumerate(ORDERS.values()):
+                    yaw = sense * last_yaw
+                    aside = side * (contact.offset - last_offset) + (
+                        x * math.cos(yaw) + y * math.sin(yaw))
+                    askew = scale.half * math.sin(sense * contact.yaw - yaw + turn)
+                    self._moved[k] += (aside**2 + askew**2) / scale.grain**2
         self._last = pose, contact.offset, contact.yaw
 
     def problem(self) -> Reason | None:

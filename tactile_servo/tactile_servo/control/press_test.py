@@ -97,10 +97,10 @@ class PressTest:
         square = known.T @ known
         if np.linalg.matrix_rank(square) < 2:
             return 'the pad was not seen to be released'
-        self.slope, delay = np.linalg.solve(square, known.T @ shown)
-        slope, left = self.slope, shown - known @ (self.slope, delay)
+        answer = np.linalg.solve(square, known.T @ shown)  # slope, delay
+        self.slope, left = float(answer[0]), shown - known @ answer
         variance = float(left @ left) / (len(way) - 3) * np.linalg.inv(square)[0, 0]
-        doubt = SURE * math.sqrt(variance)
+        slope, doubt = self.slope, SURE * math.sqrt(variance)
         changes = f'the force changes by {slope:.2g} of what the stiffness says'
         first = self._first
         if math.isnan(first):

@@ -81,6 +81,7 @@ class EdgeFollowing:
         self._laps, self._stall = LapGuard(), Stall()
         self._here = self._ahead = 0.0  # stations of the measured and the commanded pose [m]
         self._progress = 0.0  # distance travelled [m]
+        self._unplaced = False  # True if the pose of the newest image is unknown
         self._begun = False  # True once the pad moves along the edge
         self._pressed = False  # True once the force was large enough to show the whole edge
         self._coasting = Coasting()
@@ -138,16 +139,15 @@ class EdgeFollowing:
                 self.sight.refine(observation, observation.contact)
             return
         pose = observation.pose()
-        if pose is None:
-            self.sight.problem = UNPLACED
+        self._unplaced = pose is None
         # Until the pad moves along the edge, every image begins a new path.
-        elif self.sight.see(observation, pose, self._ahead, not self._begun):
+        if pose is not None and self.sight.see(observation, pose, self._ahead, not self._begun):
             self._ahead = self._here = self.sight.edge.station
 
     def lacks(self, now: float) -> Reason | None:
         if now - self.sight.shown < self._stale:
             return None
-        return self.sight.problem or Reason(ReasonCode.EDGE_LOST)
+        return UNPLACED if self._unplaced else self.sight.problem or Reason(ReasonCode.EDGE_LOST)
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
         self._progress, yaw = progress, math.degrees(self.sight.edge.yaw_error)

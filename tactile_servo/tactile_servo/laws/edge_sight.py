@@ -57,7 +57,7 @@ class EdgeSight:
         return self._level < LEVEL
 
     def refine(self, observation: Observation, contact: Contact) -> None:
-        """Take the force of a contact's fitted line, which is more accurate than a sum."""
+        """Take the force of a contact's line, which is better than a sum; check the order."""
         picture, load = self.edge.picture, self.load
         if picture is None:
             return

@@ -67,6 +67,7 @@ class Going:
     felt: Felt | None = None  # newest contact
     shown: float = -math.inf  # steady time of the newest contact [s]
     problem: Reason | None = None  # why the newest image shows no contact
+    unplaced: bool = False  # whether the pose of the newest image is unknown
     begun: float | None = None  # steady time of first contact [s]
     path: SurfacePath | None = None
     met: bool = False  # True once the force was reached
@@ -161,8 +162,8 @@ class SurfaceFollowing:
         if observation.image is None:
             return
         pose, going = observation.pose(), self._going
+        going.unplaced = pose is None
         if pose is None:
-            going.problem = UNPLACED
             return
         felt = self._sense.look(observation.image, pose)
         if isinstance(felt, Reason):
@@ -197,7 +198,8 @@ class SurfaceFollowing:
     def lacks(self, now: float) -> Reason | None:
         if now - self._going.shown < self._stale:
             return None
-        return self._going.problem or Reason(ReasonCode.CONTACT_LOST)
+        going = self._going
+        return UNPLACED if going.unplaced else going.problem or Reason(ReasonCode.CONTACT_LOST)
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
         record, found = self._record, self._assess(now, progress, load)
