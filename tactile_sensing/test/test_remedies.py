@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
+from tactile_sensing.contact.noise import hidden_floor
 from tactile_sensing.thesis import line, point
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Reason
@@ -173,6 +174,43 @@ def test_a_threshold_within_the_noise_is_no_drift(presses, level):
     assert abs(np.nanmean(noise * records['normal_force']) - 1.0) < 0.002
     assert records['valid'].mean() > 0.98
     no_worse(errors(records, loads, noise)[1:], [0.6, 4.5, 4.5])
+
+
+@pytest.mark.parametrize('share', [0.05, 0.1])
+@pytest.mark.parametrize('depth', [DEPTH, 0.0])
+def test_a_threshold_that_is_not_declared_is_seen(presses, share, depth):
+    loads, frames, clean, noise = presses
+    kept = np.maximum(frames - share * clean.max(axis=(1, 2), keepdims=True), 0.0)
+    records = found(kept, noise, depth=depth)
+    assert records['valid'].mean() > 0.98
+    off = (records['x'] - loads[:, 0])[records['valid']]
+    claimed = np.sqrt(records['covariance'][records['valid'], 0, 0])
+    assert np.sqrt(np.mean(off**2)) < 0.06e-3
+    assert np.sqrt(np.mean((off / claimed)**2)) < 1.0
+    if depth > 0.0:
+        assert np.nanmean(noise * records['normal_force']) == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize('decibels', [30.0, 40.0, 200.0])
+@pytest.mark.parametrize('peak', [15.0, 200.0, 3000.0])
+def test_rounding_cuts_nothing_off(presses, peak, decibels):
+    _, _, clean, _ = presses
+    rng, noise = np.random.default_rng(20), peak * 10.0 ** (-decibels / 20.0)
+    counts = peak * clean / clean.max(axis=(1, 2), keepdims=True)
+    counts = np.rint(counts + noise * rng.standard_normal(counts.shape))
+    noise = np.hypot(noise, 12**-0.5)
+    assert np.mean([hidden_floor(image, noise) > -np.inf for image in counts]) < 0.01
+
+
+def test_neither_symmetry_nor_broken_tactels_make_a_floor():
+    centred = np.array([
+        point.stress('zz', X, Y, 0.0, 0.0, 1.0, 0.0, 0.0, DEPTH),
+        line.pressure(X, Y, 0.0, 0.0, 200.0, DEPTH)])
+    assert all(hidden_floor(image, 1e-6) == -np.inf for image in centred)
+    noise = 0.01 * centred[0].max()
+    stuck = centred[0] + noise * np.random.default_rng(21).standard_normal(ARRAY.shape)
+    stuck[3] = -noise
+    assert hidden_floor(stuck, noise) == -np.inf
 
 
 def test_a_wrong_depth_costs_certainty(presses):

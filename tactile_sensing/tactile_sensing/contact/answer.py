@@ -14,7 +14,12 @@ from tactile_common.kernels import njit
 from tactile_sensing.contact.beliefs import ENDS, PATCH, POWER
 from tactile_sensing.contact.hypotheses import search
 from tactile_sensing.contact.misfit import LOUD
-from tactile_sensing.contact.noise import hidden_scale, noise_of_image, noise_of_rounding
+from tactile_sensing.contact.noise import (
+    hidden_floor,
+    hidden_scale,
+    noise_of_image,
+    noise_of_rounding,
+)
 from tactile_sensing.contact.records import Hypothesis, Readings
 from tactile_sensing.contact.refusal import BAD_FIT, DEAD_TACTELS, NO_CONTACT, TWO_CONTACTS
 from tactile_sensing.image import moments_of
@@ -66,12 +71,12 @@ def plain(sensor: Sensor) -> tuple:
 
 @njit(error_model='numpy')
 def _examine(frame: np.ndarray, known: Sensor, saturated: int, noise: np.ndarray,
-             full: np.ndarray, record: Any) -> float:
+             full: np.ndarray, floor: np.ndarray, record: Any) -> float:
     """
     Write the fields that need no fit; return the highest reading, or 0 without a load to fit.
 
-    Unknown values of `noise` and `full` (layers,) are replaced by those that the image shows;
-    the noise is at least that of rounding.
+    Unknown values of `noise`, `full` and `floor` (layers,) are replaced by those that the image
+    shows; the noise is at least that of rounding.
     """
     main, pad, clipped, missing = known.main, known.pad, saturated, 0
     for k in range(noise.size):
@@ -95,6 +100,8 @@ def _examine(frame: np.ndarray, known: Sensor, saturated: int, noise: np.ndarray
         why = FEW_TACTELS
     elif top < DETECTION * noise[main] and moments[0] < DETECTION * noise[main] * math.sqrt(live):
         why = BAD_FIT if clipped > 0 else NO_CONTACT
+    elif floor[main] == -np.inf and (frame[main] == np.nanmin(frame[main])).sum() > 1:
+        floor[main] = hidden_floor(frame[main], noise[main])
     record.reasons = why | SATURATED * (clipped > 0) | DEAD_TACTELS * (missing > saturated)
     return 0.0 if why else top
 
@@ -186,8 +193,8 @@ def _answer(frame: np.ndarray, known: Sensor, saturated: int, kinds: np.ndarray,
             record: Any) -> int:
     """Write the answer for one image; return the options of the fit (see `beliefs`)."""
     pad, main, size, shape = known.pad, known.main, frame[0].size, frame.shape
-    noises, full = known.noise.copy(), known.full.copy()
-    top = _examine(frame, known, saturated, noises, full, record)
+    noises, full, floor = known.noise.copy(), known.full.copy(), known.floor.copy()
+    top = _examine(frame, known, saturated, noises, full, floor, record)
     noise, seen = noises[main], record.reasons
     if top == 0.0 or kinds.size == 0:
         return 0
@@ -195,7 +202,7 @@ def _answer(frame: np.ndarray, known: Sensor, saturated: int, kinds: np.ndarray,
         record.type, record.reasons = NONE, seen | LOW_SNR
         return 0
     readings = Readings(frame.ravel(), np.repeat(noises ** 2, size), np.repeat(full, size),
-                        np.repeat(known.floor, size))
+                        np.repeat(floor, size))
     for again in range(2):
         one, why = search(pad, readings, known.scatter, kinds)
         if again or one.fit.evidence == -np.inf or known.noise[main] > 0.0:

@@ -15,6 +15,8 @@ COARSE = 30  # with fewer steps of the converter up to the peak, rounding explai
 # Fewer equal highest readings are due to rounding if its step is above this share of the noise.
 CUT_OFF, FINE = 4, 0.25
 LOADED, FINEST = 0.1, 1e-6  # shares of the peak: tactels that count; resolution of readings
+# Of a load on a half-space, a fifth and more of the readings above 0 are below 2.5 steps.
+TAIL = 0.1
 UNEVEN = 0.2  # with a larger deviation from multiples of a step, readings are not rounded [steps]
 
 
@@ -71,10 +73,14 @@ def noise_of_rounding(image: np.ndarray) -> float:
 
 
 @njit(error_model='numpy')
-def hidden_scale(image: np.ndarray, noise: float) -> float:
-    """Return the full scale of an image (rows, columns) if it is saturated, else infinity."""
-    top = np.nanmax(image)
-    unit = FINEST * top
+def _end_of_scale(image: np.ndarray, noise: float) -> tuple[bool, float]:
+    """
+    Return whether the highest readings are cut off, and how many steps of the converter lie below.
+
+    Readings that are not cut off have as many just below their end as at it, due to noise and
+    rounding. Without noise, symmetry makes other readings equal too.
+    """
+    unit = FINEST * np.nanmax(np.abs(image))
     readings = np.sort(np.rint(image.ravel() / unit))  # NaN at the end
     values, counts, kinds = np.empty(image.size), np.zeros(image.size), 0
     for value in readings:
@@ -85,21 +91,42 @@ def hidden_scale(image: np.ndarray, noise: float) -> float:
             kinds += 1
         counts[kinds - 1] += 1.0
     steps = values[1:kinds] - values[:kinds - 1]
-    resolution, highest = np.inf, values[kinds - 1]
+    resolution, lowest, highest = np.inf, values[0], values[kinds - 1]
     if kinds > 1:
         resolution = steps.min()
-    if highest < COARSE * resolution:  # rounding alone makes readings equal
-        return np.inf
     if counts[kinds - 1] < CUT_OFF and resolution > FINE * noise / unit:
-        return np.inf
-    # A blunt peak that is not saturated has as many readings just below the top as at the top, due
-    # to noise and rounding. Without noise, symmetry makes lower readings equal too.
+        return False, 0.0
     near, most = 0.0, 0.0
     for k in range(kinds - 1):
         if values[k] >= highest - 2.0 * max(noise / unit, resolution):
             near += counts[k]
-        if values[k] > LOADED * highest:
+        if values[k] - lowest > LOADED * (highest - lowest):
             most = max(most, counts[k])
     if noise / unit <= np.median(steps):
         near = max(near, most)
-    return top if counts[kinds - 1] > 2.0 * near else np.inf
+    return counts[kinds - 1] > 2.0 * near, highest / resolution
+
+
+@njit(error_model='numpy')
+def hidden_scale(image: np.ndarray, noise: float) -> float:
+    """Return the full scale of an image (rows, columns) if it is saturated, else infinity."""
+    cut_off, steps = _end_of_scale(image, noise)
+    # With few steps, rounding alone makes readings equal.
+    return np.nanmax(image) if cut_off and steps >= COARSE else np.inf
+
+
+@njit(error_model='numpy')
+def hidden_floor(image: np.ndarray, noise: float) -> float:
+    """
+    Return the reading of an image (rows, columns) below which all are cut off, or -infinity.
+
+    A tail that rounding alone makes equal has many readings within two steps above.
+    """
+    low, step = np.nanmin(image), noise_of_rounding(image) * math.sqrt(12.0)
+    above = near = 0
+    for value in image.flat:  # comparisons with NaN are false
+        above += value > low
+        near += low < value < low + 2.5 * step
+    if near > TAIL * above or not _end_of_scale(-image, noise)[0]:
+        return -np.inf
+    return low
