@@ -1,5 +1,7 @@
 """Command `estimate`: its output, wrong input of every kind, constant memory."""
 import re
+import runpy
+import sys
 import tracemalloc
 import zipfile
 
@@ -271,3 +273,14 @@ def test_header_that_promises_more_than_there_is(there, capsys):
     assert estimate.main(['in.npz', *OPTIONS, '-o', 'out.npz']) == 2
     assert 'frames is damaged' in message(capsys)
     assert not (there / 'out.npz').exists()
+
+
+@pytest.mark.parametrize('name', ['estimate', 'calibrate', 'record'])
+def test_modules_run_as_commands(name, monkeypatch, capsys):
+    module = f'tactile_sensing.cli.{name}'
+    monkeypatch.setattr('sys.argv', [name, '--help'])
+    monkeypatch.delitem(sys.modules, module, raising=False)
+    with pytest.raises(SystemExit) as stopped:
+        runpy.run_module(module, run_name='__main__')
+    assert stopped.value.code == 0
+    assert f'usage: {name}' in capsys.readouterr().out

@@ -231,3 +231,7 @@ def main(args: list[str] | None = None) -> int:
     with refusing('calibrate') as command:
         command.status = 0 if run(parser().parse_args(args)) else DOUBTFUL
     return command.status
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Sequence
 from enum import IntEnum, IntFlag
 import os
+import sys
 from textwrap import fill
 import time
 
@@ -171,3 +172,7 @@ def run(options: argparse.Namespace) -> str:
 def main(args: list[str] | None = None) -> int:
     """Run the command; exit status 0 if the output was written."""
     return run_command('estimate', lambda: f'estimate: {run(parse(args))}')
+
+
+if __name__ == '__main__':
+    sys.exit(main())

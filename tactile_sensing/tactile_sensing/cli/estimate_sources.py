@@ -106,7 +106,7 @@ def _plain(options: argparse.Namespace) -> Source:
         raise ConfigurationError(
             f'{options.frames}: frames are counts ({reader.dtype}): --calibration CAL.yaml says '
             'what a count means; or subtract the unloaded image and save floats, or, if that is '
-            'done, give --scale PA_PER_COUNT')
+            'done, give --scale PA_PER_COUNT (without --layers 1 will do)')
     # A depth of 0 means an unknown skin; then there are no forces.
     unit = 'Pa' if options.layers is not None else 'counts'
     layers = (('zz', 0.0),) if options.layers is None else parse_layers(options.layers)

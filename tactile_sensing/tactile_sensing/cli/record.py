@@ -101,3 +101,7 @@ def run(options: argparse.Namespace) -> str:
 def main(args: list[str] | None = None) -> int:
     """Run the command; return the exit status."""
     return run_command('record', lambda: run(parser().parse_args(args)))
+
+
+if __name__ == '__main__':
+    sys.exit(main())
