@@ -153,3 +153,33 @@ def test_two_points_are_the_sum_of_both_and_their_derivatives_those_by_differenc
         step = STEPS.get(parameter, 1e-3) * np.eye(theta.size)[parameter]
         slope = (image(theta + step)[0] - image(theta - step)[0]) / (2.0 * step.sum())
         assert np.abs(by[parameter] - slope).max() < 1e-5 * np.abs(slope).max(), parameter
+
+
+def plate(pad, theta):
+    """Return the image (tactels,) of a plate and its derivatives (parameters, tactels)."""
+    by, model = np.zeros((theta.size, ARRAY.rows * ARRAY.columns)), np.zeros(
+        ARRAY.rows * ARRAY.columns)
+    bumps.add_rows_of_plate(False, pad, theta, by, model)
+    return model, by
+
+
+def test_a_plate_is_the_integral_of_lines_from_its_border_on():
+    pad, half = pad_of(ARRAY, (('zz', 0.0),)), 2e-3
+    width = half * np.sqrt((2.0 ** 0.4 - 1.0) / (2.0 ** (1.0 / 3.0) - 1.0))  # n is 2.5 and 3
+    theta = loaded(LINE, Q0=1e-3, BEGIN=-1.0, SHARE=0.0, WIDTH=np.log(width))
+    line, step, total = theta.copy(), 5e-5, 0.0
+    line[[WIDTH, bumps.EXPONENT, bumps.SHEAR_U]] = np.log(half), np.log(3.0), 0.0
+    for line[Q0] in 1e-3 + step * (np.arange(1200) + 0.5):
+        total = total + step * rows(LINE, True, pad, line)[0]
+    model = plate(pad, theta)[0]
+    np.testing.assert_allclose(model, total * (model.max() / total.max()), atol=1e-3 * model.max())
+
+
+def test_derivatives_of_a_plate_are_differences():
+    pad, theta = pad_of(ARRAY, (('zz', 0.0),)), loaded(
+        LINE, BEGIN=-2e-3, SHARE=0.3, WIDTH=np.log(2e-3))
+    by = plate(pad, theta)[1]
+    for parameter in (Q0, Q1, bumps.BEGIN, bumps.SHARE, WIDTH, FORCE):
+        step = STEPS.get(parameter, 1e-3) * np.eye(theta.size)[parameter]
+        slope = (plate(pad, theta + step)[0] - plate(pad, theta - step)[0]) / (2.0 * step.sum())
+        assert np.abs(by[parameter] - slope).max() < 1e-5 * np.abs(slope).max(), parameter

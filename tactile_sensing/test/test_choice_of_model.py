@@ -155,6 +155,27 @@ def test_two_points_on_few_tactels_are_neither_a_point_nor_a_line(pitch, apart, 
     assert found['valid'].mean() < 0.15
 
 
+@pytest.mark.parametrize('depth', [DEPTH, 0.0])
+@pytest.mark.parametrize('pitch', [2e-3, 3e-3, 4e-3])
+def test_a_plate_that_covers_a_part_of_few_tactels_is_no_line_inside_it(pitch, depth):
+    array, rng, few = TactelArray(8, 8, pitch, pitch), np.random.default_rng(5), 6
+    fine = TactelArray(8 * few, 8 * few, pitch / few, pitch / few)
+    yaws, borders = rng.uniform(-np.pi, np.pi, 80), rng.uniform(-2.0, 2.0, 80) * pitch
+    frames = []
+    for yaw, border in zip(yaws, borders, strict=True):
+        u = (fine.x * np.cos(yaw) + fine.y[:, None] * np.sin(yaw) - border) / DEPTH
+        inside = 0.5 + (u / (1.0 + u * u) + np.arctan(u)) / np.pi  # lines from the border on
+        frame = inside + rng.uniform(0.0, 0.5) / (1.0 + u * u) ** 2
+        frames.append(frame.reshape(8, few, 8, few).mean(axis=(1, 3)))
+    noise = 0.01 * np.max(frames)
+    found = ContactEstimator().estimate_batch(
+        frames + noise * rng.standard_normal(np.shape(frames)), array,
+        [Layer('zz', depth, None, noise_std=noise)])
+    off = found['x'] * np.cos(yaws) + found['y'] * np.sin(yaws) - borders
+    on_border = (np.abs(off) < 0.5e-3) & (np.abs(np.sin(found['yaw'] - yaws)) < 0.05)
+    assert (found['valid'] & ~on_border).mean() < 0.1
+
+
 def test_a_flat_disc_that_few_tactels_feel_is_found_within_its_claim():
     array, rng, radius, few = TactelArray(8, 8, 4e-3, 4e-3), np.random.default_rng(0), 3e-3, 4
     parts = 4e-3 * ((np.arange(few) + 0.5) / few - 0.5)  # a tactel measures its mean

@@ -14,6 +14,8 @@ from tactile_sensing.skin.bumps import (
     FORCE,
     LINE,
     Pad,
+    PLATE,
+    POINT,
     Q0,
     Q1,
     Q2,
@@ -31,7 +33,8 @@ SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P: known skin, unk
 TAPER_SPREAD = 0.5  # standard deviation of taper / force of a line
 SCATTER = 0.05  # assumed scatter of unknown gains
 POWER, ENDS, ROBUST, PATCH, BASELINE, TAPERED = 1, 2, 4, 8, 16, 32  # options, see `Beliefs`
-# Log odds of a point or a line that crosses the pad: against two points or a line that ends.
+# Log odds of a point or a line that crosses the pad: against two points, a line that ends or a
+# border of a plate, which has two.
 RARE = 3.0
 APART = 0.055  # a higher unexplained pressure away from the load is a second load [of its peak]
 UNSEEN = 0.0, 0.05  # d where the residual does not show it: sharp load on a known skin, others
@@ -60,7 +63,7 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
     information[Q0] = reach ** -2
     step[Q0] = step[Q1] = step[BEGIN] = step[END] = 0.6 * pad.pitch
     volume, flat = 0.0, 0
-    if kind != LINE:
+    if kind == POINT or kind == TWO:
         information[Q1] = reach ** -2
         high[Q0], high[Q1] = 1.25 * pad.half_x, 1.25 * pad.half_y
         low[Q0], low[Q1] = -high[Q0], -high[Q1]
@@ -68,12 +71,12 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
         information[Q1] = (2.0 * math.pi) ** -2
         low[Q0], high[Q0] = -1.25 * reach, 1.25 * reach
         step[Q1] = 0.15
-    if kind == TWO:
+    if kind > LINE:
         fitted[Q2] = fitted[Q3] = fitted[SHARE] = True
         information[Q2] = information[Q3] = reach ** -2
         low[Q2], high[Q2], low[Q3], high[Q3] = low[Q0], high[Q0], low[Q1], high[Q1]
         low[SHARE], high[SHARE], step[SHARE] = APART, 1.0 - APART, 0.2
-        volume += RARE
+        volume += RARE if kind == TWO else 2.0 * RARE
         flat += 1
     if ends:
         fitted[BEGIN] = fitted[END] = True
@@ -93,6 +96,8 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
         volume += math.log(MAX_VARIANCE)
         flat += 1
     fitted[BASE:] = options & BASELINE > 0
+    if kind == PLATE:
+        fitted[END] = fitted[EXPONENT] = fitted[SHEAR_U] = fitted[SHEAR_V] = False
     gain, spread = (scatter, 0.5) if scatter > 0.0 else (SCATTER, 1.0)
     return Beliefs(kind, power, ends, patch, robust, mean, information, low, high, step,
                    np.flatnonzero(fitted), volume - 0.5 * math.log(2.0 * math.pi) * flat,

@@ -30,11 +30,13 @@ from tactile_sensing.contact.normal_equations import add_normal, solve
 from tactile_sensing.contact.records import Beliefs, Fit, Readings
 from tactile_sensing.skin.bumps import (
     add_rows,
+    add_rows_of_plate,
     add_rows_of_two,
     BASE,
     FORCE,
     LINE,
     Pad,
+    PLATE,
     SHEAR_U,
     SHEAR_V,
     TAPER,
@@ -66,6 +68,8 @@ def _model(fit: Fit, pad: Pad, beliefs: Beliefs, theta: np.ndarray, coarse: bool
     wide = every or beliefs.power or beliefs.patch
     if beliefs.kind == TWO:
         add_rows_of_two(beliefs.power, wide, coarse, pad, theta, fit.by, fit.model)
+    elif beliefs.kind == PLATE:
+        add_rows_of_plate(coarse, pad, theta, fit.by, fit.model)
     else:
         add_rows(beliefs.kind, beliefs.power, beliefs.ends, wide, coarse, pad, theta, fit.by,
                  fit.model)

@@ -7,7 +7,8 @@ The next tier runs only if the one before leaves a residual:
    end here.
 2. *Robust*: the same with outliers, scatter and baseline; with a patch or ends if the evidence
    supports them. Two points are a rival: if they are likelier, the image is refused.
-3. *Free*: width and exponent of the bump are fitted too. Place and direction need no skin.
+3. *Free*: width and exponent of the bump are fitted too. Place and direction need no skin. A
+   plate is a rival too.
 
 If the best of them does not explain the image, the image is refused.
 """
@@ -40,6 +41,7 @@ from tactile_sensing.skin.bumps import (
     EXPONENT,
     LINE,
     Pad,
+    PLATE,
     POINT,
     Q0,
     Q1,
@@ -119,20 +121,29 @@ def first_guess(pad: Pad, reading: np.ndarray) -> Guess:
 
 
 @njit(error_model='numpy')
-def _cold_start(kind: int, power: bool, guess: Guess, count: int) -> np.ndarray:
-    """Return the parameters (count,) of a first guess; forces are 0."""
-    theta = np.zeros(count)
+def _cold_start(pad: Pad, kind: int, power: bool, guess: Guess) -> np.ndarray:
+    """Return the parameters (parameters,) of a first guess; forces are 0."""
+    theta, width = np.zeros(BASE + pad.depths.size), guess.width
     if kind == POINT:
         theta[Q0], theta[Q1] = guess.x, guess.y
     elif kind == TWO:
         x, y = -math.sin(guess.across) * guess.length, math.cos(guess.across) * guess.length
         theta[Q0], theta[Q1], theta[Q2], theta[Q3], theta[SHARE] = (
             guess.x - x, guess.y - y, guess.x + x, guess.y + y, 0.5)
+    elif kind == PLATE:
+        yaw, size, other = guess.across, guess.width, guess.length
+        u = guess.x * math.cos(yaw) + guess.y * math.sin(yaw)
+        v = guess.y * math.cos(yaw) - guess.x * math.sin(yaw)
+        while u < 0.0 or v < 0.0:  # the load is inside: turn by a right angle
+            yaw, size, other, u, v = yaw + 0.5 * math.pi, other, size, v, -u
+        # A uniform load begins 3^(1/2) standard deviations before its middle.
+        theta[Q0], theta[Q1] = u - math.sqrt(3.0) * size, yaw
+        theta[BEGIN], theta[SHARE], width = v - math.sqrt(3.0) * other, 0.5, pad.pitch
     else:
         theta[Q0] = guess.x * math.cos(guess.across) + guess.y * math.sin(guess.across)
         theta[Q1] = guess.across
     if power:
-        theta[WIDTH], theta[EXPONENT] = math.log(guess.width), math.log(HALF_SPACE)
+        theta[WIDTH], theta[EXPONENT] = math.log(width), math.log(HALF_SPACE)
     return theta
 
 
@@ -195,7 +206,7 @@ def _search_sharp(pad: Pad, readings: Readings, scatter: float, guess: Guess,
                   kinds: np.ndarray) -> tuple[Hypothesis, bool]:
     """Fit sharp loads on the known skin; return the last, and whether it explains the image."""
     for kind in kinds:
-        sharp = _cold_start(kind, False, guess, BASE + pad.depths.size)
+        sharp = _cold_start(pad, kind, False, guess)
         for extra in range(3):  # nothing, a patch, a baseline
             theta = sharp.copy()
             theta[WIDTH] = FIRST_PATCH * (extra == 1)
@@ -242,21 +253,25 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
 
     In the steps before 0 a kind is fitted, the second only if the first leaves a residual. Only if
     the evidence asks for it, a patch is added to the better of them (0), a line with ends is
-    fitted (1), and a patch is added to this (2). If a residual is left, two points are fitted (3):
-    if they are likelier, the scatter of the gains hides a load that is neither.
+    fitted (1), and a patch is added to this (2). If a residual is left, two points are fitted (3),
+    and in the free tier a plate (4): if one of them is likelier, the scatter of the gains hides a
+    load that is neither.
     """
     short = -np.inf  # evidence of a line too short to be one: this is a point
-    for step in range(-kinds.size, 4):
+    for step in range(-kinds.size, 5 if power else 4):
         kind, ends, patch = kinds[min(step, -1)], step == 1, step == 0 or step == 2
         if step == -1 and best.fit.evidence > -np.inf and not _unexplained(best):
             continue
         if patch and (not best.misfit.hidden > SHOWN or step == 2 and not best.beliefs.ends):
             continue
-        if (step == 1 or step == 3) and not ((kinds == LINE).any() and _unexplained(best)):
-            break
-        if step == 1 or step == 3:
-            kind = LINE if ends else TWO
-        theta = _cold_start(kind, power, guess, BASE + pad.depths.size)
+        if ends or step > 2:
+            kind = LINE if ends else TWO if step == 3 else PLATE
+            if not ((kinds == LINE).any() and _unexplained(best)):
+                break
+            # Of a known skin, the rival may refuse the load of the other tier too.
+            if kind > LINE and not pad.depths[0] > 0.0 and refusal(pad, readings, best):
+                break
+        theta = _cold_start(pad, kind, power, guess)
         if ends:
             _add_ends(theta, guess)
         elif patch:
@@ -266,14 +281,14 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
         one = _fitted(pad, readings, scatter, kind,
                       ROBUST + BASELINE + POWER * power + ENDS * ends + PATCH * patch, theta)
         least, share = best.fit.evidence, one.fit.theta[SHARE]
-        if kind == TWO:
+        if kind > LINE:
             least = max(least, short)
-            if min(share, 1.0 - share) <= APART:
+            if kind == TWO and min(share, 1.0 - share) <= APART:
                 continue  # the evidence asks for less than a second load
         if ends and too_short(pad, one.fit.theta, ends):
             short = max(short, one.fit.evidence)
         elif one.fit.evidence > least:
-            best = one if kind == TWO else _judged(pad, readings, one)
+            best = one if kind > LINE else _judged(pad, readings, one)
         if step == -1 and best.fit.evidence == -np.inf:
             break
     return best

@@ -17,7 +17,7 @@ class Readings(NamedTuple):
 class Beliefs(NamedTuple):
     """Parameters to fit, with their priors and bounds."""
 
-    kind: int  # POINT, LINE or TWO points
+    kind: int  # POINT, LINE; rivals: TWO points, a PLATE
     power: bool  # whether a bump of free shape is fitted: the skin is unknown
     ends: bool  # whether a line begins and ends
     patch: bool  # whether the load on a known skin is blunt

@@ -8,7 +8,7 @@ from tactile_common.kernels import njit
 from tactile_sensing.contact.beliefs import APART
 from tactile_sensing.contact.errors import cost_of_error
 from tactile_sensing.contact.records import Hypothesis, Readings
-from tactile_sensing.skin.bumps import BASE, chord, loaded_chord, Pad, POINT, Q0, Q1, TWO, WIDTH
+from tactile_sensing.skin.bumps import BASE, chord, LINE, loaded_chord, Pad, POINT, Q0, Q1, WIDTH
 from tactile_sensing.types.contact import Reason
 
 BAD_FIT, NO_CONTACT, OFF_PAD = int(Reason.BAD_FIT), int(Reason.NO_CONTACT), int(Reason.OFF_PAD)
@@ -109,7 +109,7 @@ def _without_load(pad: Pad, readings: Readings) -> int:
 @njit(error_model='numpy')
 def _bad_fit(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     """
-    Return BAD_FIT for two points or too large a residual; TWO_CONTACTS too if there are two hills.
+    Return BAD_FIT for a rival or too large a residual; TWO_CONTACTS too if there are two hills.
 
     A bump of free shape that is as wide as its bound may be anything broad: its residual counts as
     significant.
@@ -119,7 +119,7 @@ def _bad_fit(pad: Pad, readings: Readings, one: Hypothesis) -> int:
         significance = np.inf
     left = one.residual.left
     across = math.sqrt(max(left ** 2 - one.misfit.along ** 2, 0.0))
-    wrong = one.beliefs.kind == TWO or one.misfit.apart > APART
+    wrong = one.beliefs.kind > LINE or one.misfit.apart > APART
     wrong |= one.residual.loud > NOISY or left > MOST
     for least, share in WRONG:
         wrong |= significance > least and across > share

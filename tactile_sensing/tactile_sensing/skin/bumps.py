@@ -19,7 +19,7 @@ import numpy as np
 from tactile_common.kernels import FAST, njit, to_fixed_tuple
 from tactile_sensing.skin.kernel import CENTRE, DEGREE
 
-POINT, LINE, TWO = 1, 2, 3
+POINT, LINE, TWO, PLATE = 1, 2, 3, 4
 # Parameters of a load. Q0, Q1: x, y of a point [m]; rho [m], yaw [rad] of a line. BEGIN, END:
 # ends of a line, along it from the foot of the origin [m]. WIDTH: variance of the patch
 # [depths^2] on a known skin, else log of the half width [m]. EXPONENT: log n. FORCE, SHEAR_U,
@@ -27,6 +27,8 @@ POINT, LINE, TWO = 1, 2, 3
 # the place of SHEAR_V: growth of the force of a line, along it from the foot of the origin, over
 # half the diagonal of the pad [N/m]. BASE: baseline of the first layer; the others follow.
 # Of TWO points: Q0, Q1 and Q2, Q3: x, y [m]; SHARE: part of the load that is on the second.
+# Of a PLATE: Q0, Q1 of a border, with yaw to its inside; BEGIN of the plate along this border;
+# SHARE: part of the pressure that is high on the borders.
 Q0, Q1, BEGIN, END, SHARE, WIDTH, EXPONENT, FORCE, SHEAR_U, SHEAR_V, BASE = range(11)
 Q2, Q3, TAPER = BEGIN, END, SHEAR_V
 BEYOND = 8.0  # a line is invisible from this distance outside the pad [depths]
@@ -445,3 +447,44 @@ def add_rows_of_two(power: bool, wide: bool, coarse: bool, pad: Pad, theta: np.n
     for row in range(WIDTH, by.shape[0]):
         by[row] = (1.0 - share) * one[row] + share * by[row]
     model[:] = (1.0 - share) * alone + share * model
+
+
+@njit(error_model='numpy', fastmath=FAST)
+def _border(u: float, share: float) -> tuple[float, float, float]:
+    """
+    Return the pressure at a distance u inside a plate's border; its derivatives by u and share.
+
+    It is that of lines (n = 3) from the border on, and of one on the border; u is in units of w.
+    """
+    inside, _, line = _power_part(1.0, u)
+    more = line / 0.75 - 0.5 - inside
+    slope = (1.0 - share - share * u / (0.15 * (1.0 + u * u))) * line
+    return 0.5 + inside + share * more, slope, more
+
+
+@njit(cache=True, error_model='numpy', fastmath=FAST)
+def add_rows_of_plate(coarse: bool, pad: Pad, theta: np.ndarray, by: np.ndarray,
+                      model: np.ndarray) -> None:
+    """Compute the image of a PLATE on an unknown skin, a product over two borders, and `by`."""
+    cos, sin, share, force = math.cos(theta[Q1]), math.sin(theta[Q1]), theta[SHARE], theta[FORCE]
+    inverse, columns = math.sqrt(2.0 ** 0.4 - 1.0) * math.exp(-theta[WIDTH]), pad.x.size
+    by[:BASE], by[BASE:] = 0.0, 1.0
+    for j in range(1 if coarse else pad.nodes.shape[0]):
+        dx, dy, node = pad.nodes[j, 0], pad.nodes[j, 1], pad.nodes[j, 2]
+        if coarse:
+            dx, dy, node = 0.0, 0.0, 1.0
+        for r in range(pad.y.size):
+            for c in range(columns):
+                t, x, y = r * columns + c, pad.x[c] + dx, pad.y[r] + dy
+                across, along = x * cos + y * sin, y * cos - x * sin
+                u, v = (across - theta[Q0]) * inverse, (along - theta[BEGIN]) * inverse
+                f, fu, more_u = _border(u, share)
+                g, gv, more_v = _border(v, share)
+                fu, gv = node * force * fu * g, node * force * gv * f
+                by[FORCE, t] += node * f * g
+                by[Q0, t] -= fu * inverse
+                by[BEGIN, t] -= gv * inverse
+                by[Q1, t] += (fu * along - gv * across) * inverse
+                by[WIDTH, t] -= fu * u + gv * v
+                by[SHARE, t] += node * force * (more_u * g + f * more_v)
+    model[:] = force * by[FORCE]
