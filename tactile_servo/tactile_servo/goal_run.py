@@ -336,7 +336,7 @@ class GoalRun:
                     self._way.begin()
             if self._found.success and (objection := self._objection()):
                 self._found = Assessment(State.DONE, Reason(self._found.reason.code, objection))
-            elif self._found.state is State.DONE and not self._found.success:
+            elif self._found.state in (State.HOLD, State.DONE) and not self._found.success:
                 code, detail = self._found.reason
                 self._found = self._found._replace(reason=Reason(
                     code, '; '.join(filter(None, (detail, self._motion.at_limit)))))

@@ -231,3 +231,10 @@ def test_there_is_no_way_on_at_a_singularity():
     paces = [motion_at([0.0, 0.0, 0.0, 0.0, 0.5 * np.pi - off, 0.0]).along(way).speed
              for off in (0.5, 0.05, 0.005)]
     assert paces[0] > 5.0 * paces[1] > 25.0 * paces[2]
+
+
+def test_a_singularity_is_passed_slowly():
+    way = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    speeds = [motion_at([0.0, 0.0, 0.0, 0.0, 0.5 * np.pi - off, 0.0]).passing(way)
+              for off in (0.5, 0.05, 0.005)]
+    assert speeds[0] > 1.5 * speeds[1] and speeds[1] == pytest.approx(speeds[2])

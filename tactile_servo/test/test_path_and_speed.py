@@ -17,8 +17,21 @@ from tactile_servo.laws.edge_sight import Load
 from tactile_servo.types import EdgeGoal
 
 DT, FORCE = 0.0025, 5.0
-UNBOUNDED = SimpleNamespace(across=lambda: math.inf)  # joints that can do anything
 SCALE = PadScale.of(TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002)
+
+
+def arm(across=math.inf, turning=math.inf, passing=math.inf):
+    """An arm whose joints allow these accelerations, and this speed on any way."""
+    return SimpleNamespace(
+        across=lambda: across, turning=lambda: turning, passing=lambda way: passing)
+
+
+UNBOUNDED = arm()
+
+
+def at(x=0.0, way=(0.0, 1.0)):
+    """A pad that is level, with the path at x beside it."""
+    return SimpleNamespace(here=0.0, ahead=0.0, aside=(x, 0.0), there=np.eye(4), way=way)
 
 
 class Edge:
@@ -46,14 +59,14 @@ def motion_on(edge, load=None, speed=0.2, slope=0.0, lifted=False):
 def top(pressed=1.0, distance=0.0, coming=0.0, **options):
     """Speed that is safe, whatever lies ahead."""
     edge = Edge()
-    stand = SimpleNamespace(here=0.0, ahead=0.0, aside=(distance, 0.0))
+    stand = at(distance)
     motion_on(edge, Load(pressed * FORCE, 0.0254, coming)).along(stand, UNBOUNDED, DT, **options)
     return edge.top
 
 
 @pytest.mark.parametrize('slope', [-0.5, 0.5])
 def test_a_slope_is_followed_as_fast_as_the_pad_can_rise(slope):
-    edge, stand = Edge(), SimpleNamespace(here=0.0, ahead=0.0, aside=(0.0, 0.0))
+    edge, stand = Edge(), at()
     motion_on(edge, slope=slope).along(stand, UNBOUNDED, DT)
     assert 0.5 * edge.top <= edge_motion.NORMAL
 
@@ -78,13 +91,13 @@ def test_each_trouble_slows_it_down():
     (PathEnd.CLOSED, False, 0.2), (PathEnd.RIDGE, True, 0.0)])
 def test_speed_at_the_end_of_the_path(end, lifted, speed):
     seen = Edge(end)
-    place = SimpleNamespace(here=0.0, ahead=0.0, aside=(0.0, 0.0))
+    place = at()
     motion_on(seen, lifted=lifted).along(place, UNBOUNDED, DT)
     assert seen.end_speed == speed
 
 
 def test_the_pad_speeds_up_by_its_acceleration_and_keeps_the_limit():
-    edge, stand = Edge(), SimpleNamespace(here=0.0, ahead=0.0, aside=(0.0, 0.0))
+    edge, stand = Edge(), at()
     motion = motion_on(edge)
     motion.along(stand, UNBOUNDED, DT)
     assert edge.acceleration == edge_motion.AGILE * EdgeFollowingConfig().speed.acceleration
@@ -95,7 +108,7 @@ def test_the_pad_speeds_up_by_its_acceleration_and_keeps_the_limit():
     edge._limit = 0.05
     motion.along(stand, UNBOUNDED, DT)
     assert motion.speed == 0.05
-    weak = SimpleNamespace(across=lambda: 0.5)
+    weak = arm(across=0.5)
     motion.along(stand, weak, DT)
     assert edge.acceleration == edge_motion.AGILE * 0.5
     motion.reset()
@@ -105,7 +118,7 @@ def test_the_pad_speeds_up_by_its_acceleration_and_keeps_the_limit():
 def test_the_pad_comes_to_the_path_and_does_not_overshoot():
     motion, x, places = motion_on(Edge(limit=0.05)), 0.4 * SCALE.grain, []
     for _ in range(800):
-        place = SimpleNamespace(here=0.0, ahead=0.0, aside=(-x, 0.0))
+        place = at(-x)
         velocity = motion.along(place, UNBOUNDED, DT)
         x += velocity[0] * DT
         places.append(x)
@@ -125,6 +138,17 @@ def test_acceleration_in_the_plane_is_bounded_and_keeps_its_direction():
 @pytest.mark.parametrize('joints, bound', [
     (math.inf, edge_motion.TURN_ACCELERATION), (2.0, 2.0 * TURNING)])
 def test_a_turn_is_no_harder_than_the_joints_allow(joints, bound):
-    stand = SimpleNamespace(there=np.eye(4), way=(1.0, 0.0))  # a quarter turn away
-    turn = motion_on(Edge()).turn(stand, SimpleNamespace(turning=lambda: joints), DT)
+    stand = at(way=(1.0, 0.0))  # a quarter turn away
+    turn = motion_on(Edge()).turn(stand, arm(turning=joints), DT)
     assert np.linalg.norm(turn) == pytest.approx(bound * DT)
+
+
+def test_near_a_singularity_way_and_turn_are_no_faster_than_the_joints_allow():
+    """Where they are, the arm cannot keep the pad on its path, or its force."""
+    edge, slow = Edge(), arm(passing=0.03)
+    motion = motion_on(edge)
+    motion.along(at(), slow, DT)
+    assert edge.top == 0.03
+    for _ in range(200):
+        turn = motion.turn(at(way=(1.0, 0.0)), slow, DT)
+    assert np.linalg.norm(turn) == pytest.approx(0.03)

@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tactile_servo.motion.inverse import damped_least_squares
 from tactile_servo.motion.robot import RobotModel
@@ -141,6 +142,22 @@ def test_a_singular_wrist_leads_off_no_edge(near, tmp_path, capsys):
     summary = simulated(urdf, 'pad', start, tmp_path, capsys)
     assert summary['ok'] and summary['lateral_max'] <= LARGEST, summary['reason']
     assert summary['force_max'] < 7.5
+
+
+def test_an_arm_that_meets_a_singularity_says_so(tmp_path, capsys):
+    """A PUMA 260 that stands so that it starts the course with these joint positions."""
+    start = (0.17, 1.49, -1.19, -1.07, -1.28, 0.51)
+    urdf, tip = robot('puma260')
+    model = model_of(urdf, tip)
+    base = POSE @ np.linalg.inv(model.pose(start))
+    place, turn = (' '.join(map(str, numbers)) for numbers in (
+        base[:3, 3], Rotation.from_matrix(base[:3, :3]).as_euler('xyz')))
+    urdf.append(ElementTree.Element('link', name='ground'))
+    urdf.append(ElementTree.fromstring(
+        f'<joint name="base" type="fixed"><parent link="ground"/>'
+        f'<child link="{model.root_frame}"/><origin xyz="{place}" rpy="{turn}"/></joint>'))
+    summary = simulated(urdf, tip, start, tmp_path, capsys)
+    assert not summary['ok'] and 'the arm is near a singularity' in summary['reason']
 
 
 @pytest.mark.parametrize('option, text', [

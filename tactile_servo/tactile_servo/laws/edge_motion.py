@@ -41,6 +41,7 @@ HASTE = 5.0  # factor of the force gain while the pad unloads for a coming edge
 INTEGRAL = 60.0  # integral gain of the force control [1/s^2]
 # Turn along the edge: gain [1/s], largest rate [rad/s] and acceleration [rad/s^2]
 TURN_GAIN, TURN_RATE, TURN_ACCELERATION = 5.0, 1.5, 5.0
+ABOUT_NORMAL = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])  # twist per radian
 
 
 def missing_depth(force: float, load: Load, *, half: float, length: float, pressed: float,
@@ -109,6 +110,8 @@ class EdgeMotion:
         off = (distance / scale.grain - ON_PATH) / (ASTRAY - ON_PATH)
         top *= caution(max(pressed, 1.0) if may_lift else pressed, off)
         top = min(top, AGILE * NORMAL / max(abs(self.sight.slope), 1e-9))  # on a slope
+        course = place.there[:3, :3].T @ (*place.way, self.sight.slope)
+        top = min(top, robot.passing(np.array([*course, 0.0, 0.0, 0.0])))
         most = min(self.config.speed.acceleration, robot.across())
         end_speed = BLIND if edge.path.end is PathEnd.VIEW else top
         if self.sight.lifted and not may_lift:
@@ -178,5 +181,7 @@ class EdgeMotion:
         """Return the angular velocity (3,) that aligns the pad with the edge [rad/s]."""
         error = off_edge(place.there, place.way, self.sight.slope, self.goal.direction,
                          self.config.attitude.max_turn)
+        most = robot.passing(ABOUT_NORMAL) / TURN_GAIN
         return self._attitude.rate(
-            error, np.zeros(3), dt, min(TURN_ACCELERATION, TURNING * robot.turning()))
+            error * min(1.0, most / max(float(np.linalg.norm(error)), 1e-12)), np.zeros(3), dt,
+            min(TURN_ACCELERATION, TURNING * robot.turning()))

@@ -40,6 +40,7 @@ COAST = 8.0  # control periods for which a window continues before it brakes
 SETTLING = 0.1  # least time for the controller to reach the start of a motion [s]
 LONGEST_COMMITTED = 0.01  # largest committed time [s]; with more, fast turns are less accurate
 PLANNED = 0.8  # share of a joint's velocity limit that a path may use: corrections need the rest
+BENT = 0.3  # share of the joints' acceleration for a way that passes near a singularity
 BOX_EXCESS = 5e-4  # distance by which braking in a curve may lead further out of the box [m]
 HELD_BACK = 0.05  # share of the wanted motion; with less realised, motion is prevented
 BLOCKED_AFTER = 1.0  # time of prevented motion after which it counts as blocked [s]
@@ -92,7 +93,8 @@ class Motion:
         # Joint limit, singularity or workspace that has prevented (nearly) all of the wanted
         # motion for a second; empty while the robot moves.
         self.blocked = ''
-        self._limit, self._since_limit = '', math.inf  # last position limit, time since then [s]
+        # What hindered the motion last, a joint at its limit or a singularity; time since then [s]
+        self._limit, self._since_limit = '', math.inf
 
     @property
     def positions(self) -> np.ndarray:
@@ -131,9 +133,8 @@ class Motion:
 
     @property
     def at_limit(self) -> str:
-        """Joint that recently limited the motion, and at which end of its range; or empty."""
-        lately = self._since_limit < BLOCKED_AFTER
-        return self._limits.end_of(self._limit, self.positions) if lately else ''
+        """Joint at an end of its range, or singularity, that recently hindered motion; or ''."""
+        return self._limit if self._since_limit < BLOCKED_AFTER else ''
 
     def across(self) -> float:
         """Return the acceleration across the sensor's normal that all joints allow [m/s^2]."""
@@ -151,12 +152,7 @@ class Motion:
         acceleration is available for this and bounds the speed; what remains at `speed` is the
         acceleration of the pace. There is no damping: at a singularity it would change the way.
         """
-        limits, joints, jacobian = self._limits, self.positions, self._now.jacobian
-        rates, _ = damped_least_squares(jacobian, way, damping=UNDAMPED)
-        bend, _ = damped_least_squares(
-            jacobian, -self._robot.bias(joints, rates), damping=UNDAMPED)
-        # At a speed v the joint velocities are rates v, the accelerations rates dv/dt + bend v^2.
-        moving, bent = np.fmax(np.abs(rates), STILL), np.fmax(np.abs(bend), STILL)
+        limits, (rates, moving, bent) = self._limits, self._course(way)
         room = limits.reach(self._now.joints, self._period, (COAST + 1.0) * self._period)
         speeds = np.array([np.where(rates > 0.0, room.most[0], -room.least[0]) / moving,
                            PLANNED * limits.velocity / moving,
@@ -164,6 +160,31 @@ class Motion:
         kind, joint = np.unravel_index(speeds.argmin(), speeds.shape)
         most = float(((limits.acceleration - bent * speed**2) / moving).min())
         return Pace(float(speeds[kind, joint]), max(most, 0.0), limits.name_of(kind, joint))
+
+    def passing(self, way: np.ndarray) -> float:
+        """
+        Return the speed at which the arm can go on along `way`, also through a singularity.
+
+        It is that of `along`, but as there is damping, the joints never move farther for a way
+        than at its limit. Joints at the ends of their ranges do not bound it: others take over.
+        """
+        limits, (_, moving, bent) = self._limits, self._course(way)
+        most = math.hypot(np.linalg.norm(way[:3]),
+                          ROTATION_LENGTH * np.linalg.norm(way[3:])) / DAMPING
+        return float(min((PLANNED * limits.velocity / np.fmin(moving, most)).min(),
+                         np.sqrt(BENT * limits.acceleration / np.fmin(bent, most**2)).min()))
+
+    def _course(self, way: np.ndarray) -> tuple[np.ndarray, ...]:
+        """
+        Return the joint rates (n,) along `way`, their size, and that of their change.
+
+        At a speed v the joint velocities are rates v, the accelerations rates dv/dt + bend v^2.
+        """
+        jacobian = self._now.jacobian
+        rates, _ = damped_least_squares(jacobian, way, damping=UNDAMPED)
+        bend, _ = damped_least_squares(
+            jacobian, -self._robot.bias(self.positions, rates), damping=UNDAMPED)
+        return rates, np.fmax(np.abs(rates), STILL), np.fmax(np.abs(bend), STILL)
 
     def seed(self, positions: np.ndarray) -> None:
         """
@@ -265,7 +286,9 @@ class Motion:
         limited_by = at_wall or bound or guarded
         self._since_limit += self._period
         if limited_by.startswith(POSITION):
-            self._limit, self._since_limit = limited_by, 0.0
+            self._limit, self._since_limit = limits.end_of(limited_by, self.positions), 0.0
+        elif manipulability < DAMPING:
+            self._limit, self._since_limit = 'the arm is near a singularity', 0.0
         if limited_by or manipulability < DAMPING:
             self._watch(wanted, jacobian @ velocities, limited_by)
         else:
