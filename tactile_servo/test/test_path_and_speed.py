@@ -59,15 +59,15 @@ def motion_on(edge, load=None, speed=0.2, slope=0.0, lifted=False):
 def top(pressed=1.0, distance=0.0, coming=0.0, **options):
     """Speed that is safe, whatever lies ahead."""
     edge = Edge()
-    stand = at(distance)
-    motion_on(edge, Load(pressed * FORCE, 0.0254, coming)).along(stand, UNBOUNDED, DT, **options)
+    place = at(distance)
+    motion_on(edge, Load(pressed * FORCE, 0.0254, coming)).along(place, UNBOUNDED, DT, **options)
     return edge.top
 
 
 @pytest.mark.parametrize('slope', [-0.5, 0.5])
 def test_a_slope_is_followed_as_fast_as_the_pad_can_rise(slope):
-    edge, stand = Edge(), at()
-    motion_on(edge, slope=slope).along(stand, UNBOUNDED, DT)
+    edge, place = Edge(), at()
+    motion_on(edge, slope=slope).along(place, UNBOUNDED, DT)
     assert 0.5 * edge.top <= edge_motion.NORMAL
 
 
@@ -97,19 +97,19 @@ def test_speed_at_the_end_of_the_path(end, lifted, speed):
 
 
 def test_the_pad_speeds_up_by_its_acceleration_and_keeps_the_limit():
-    edge, stand = Edge(), at()
+    edge, place = Edge(), at()
     motion = motion_on(edge)
-    motion.along(stand, UNBOUNDED, DT)
+    motion.along(place, UNBOUNDED, DT)
     assert edge.acceleration == edge_motion.AGILE * EdgeFollowingConfig().speed.acceleration
     assert motion.speed == pytest.approx(edge.acceleration * DT)
     for _ in range(100):
-        motion.along(stand, UNBOUNDED, DT)
+        motion.along(place, UNBOUNDED, DT)
     assert motion.speed == 0.2
     edge._limit = 0.05
-    motion.along(stand, UNBOUNDED, DT)
+    motion.along(place, UNBOUNDED, DT)
     assert motion.speed == 0.05
     weak = arm(across=0.5)
-    motion.along(stand, weak, DT)
+    motion.along(place, weak, DT)
     assert edge.acceleration == edge_motion.AGILE * 0.5
     motion.reset()
     assert motion.speed == 0.0
@@ -138,8 +138,8 @@ def test_acceleration_in_the_plane_is_bounded_and_keeps_its_direction():
 @pytest.mark.parametrize('joints, bound', [
     (math.inf, edge_motion.TURN_ACCELERATION), (2.0, 2.0 * TURNING)])
 def test_a_turn_is_no_harder_than_the_joints_allow(joints, bound):
-    stand = at(way=(1.0, 0.0))  # a quarter turn away
-    turn = motion_on(Edge()).turn(stand, arm(turning=joints), DT)
+    place = at(way=(1.0, 0.0))  # a quarter turn away
+    turn = motion_on(Edge()).turn(place, arm(turning=joints), DT)
     assert np.linalg.norm(turn) == pytest.approx(bound * DT)
 
 

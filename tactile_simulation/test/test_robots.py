@@ -145,7 +145,7 @@ def test_a_singular_wrist_leads_off_no_edge(near, tmp_path, capsys):
 
 
 def test_an_arm_that_meets_a_singularity_says_so(tmp_path, capsys):
-    """A PUMA 260 that stands so that it starts the course with these joint positions."""
+    """A PUMA 260 on a base from where these joint positions are at the start of the course."""
     start = (0.17, 1.49, -1.19, -1.07, -1.28, 0.51)
     urdf, tip = robot('puma260')
     model = model_of(urdf, tip)

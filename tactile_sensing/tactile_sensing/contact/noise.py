@@ -15,8 +15,9 @@ COARSE = 30  # with fewer steps of the converter up to the peak, rounding explai
 # Fewer equal highest readings are due to rounding if its step is above this share of the noise.
 CUT_OFF, FINE = 4, 0.25
 LOADED, FINEST = 0.1, 1e-6  # shares of the peak: tactels that count; resolution of readings
-# Of a load on a half-space, a fifth and more of the readings above 0 are below 2.5 steps.
-TAIL = 0.1
+# Rounding explains equal lowest readings if more than this share of the others is within NEAR of
+# them. Of a load on a half-space a fifth and more is.
+TAIL, NEAR = 0.1, 2.5  # share; steps of the converter
 UNEVEN = 0.2  # with a larger deviation from multiples of a step, readings are not rounded [steps]
 
 
@@ -126,7 +127,7 @@ def hidden_floor(image: np.ndarray, noise: float) -> float:
     above = near = 0
     for value in image.flat:  # comparisons with NaN are false
         above += value > low
-        near += low < value < low + 2.5 * step
+        near += low < value < low + NEAR * step
     if near > TAIL * above or not _end_of_scale(-image, noise)[0]:
         return -np.inf
     return low

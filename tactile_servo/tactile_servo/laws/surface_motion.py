@@ -11,7 +11,7 @@ from tactile_servo.control.surface_filter import SurfaceFilter
 from tactile_servo.control.surface_path import Step
 from tactile_servo.laws.surface_config import SurfaceConfig
 from tactile_servo.laws.surface_features import Felt, PadContact
-from tactile_servo.motion.motion import Motion, Pace
+from tactile_servo.motion.motion import BENDING, Motion, Pace
 
 # Share of the force:
 UNHEARD = 0.2  # largest increase by commanded motion that no joint state has confirmed
@@ -29,7 +29,6 @@ EDGE = 1.0 / 3.0  # this ratio for an object half as wide as the probe; below it
 EDGE_SPEED = 0.015  # speed of the centre round an edge [m/s]: the surface behind it is unknown
 BRAKE = 8.0  # deceleration, as a multiple of the acceleration
 # Shares of the joints' acceleration:
-BENDING = 0.3  # for the changes of joint velocity at constant speed, large near a singularity
 SPARED = 0.5  # share of the rest that speeding up may use
 BRAKED, SLOWED = 0.8, 0.02  # for slowing down, and its least deceleration [m/s^2]
 # The turn accelerates as `speed.acceleration` asks for on a radius of 33 mm [rad/m]; speeding up

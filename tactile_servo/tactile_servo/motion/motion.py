@@ -40,7 +40,9 @@ COAST = 8.0  # control periods for which a window continues before it brakes
 SETTLING = 0.1  # least time for the controller to reach the start of a motion [s]
 LONGEST_COMMITTED = 0.01  # largest committed time [s]; with more, fast turns are less accurate
 PLANNED = 0.8  # share of a joint's velocity limit that a path may use: corrections need the rest
-BENT = 0.3  # share of the joints' acceleration for a way that passes near a singularity
+# Share of the joints' acceleration for changes of their velocities at constant speed of the pad,
+# which are large near a singularity
+BENDING = 0.3
 BOX_EXCESS = 5e-4  # distance by which braking in a curve may lead further out of the box [m]
 HELD_BACK = 0.05  # share of the wanted motion; with less realised, motion is prevented
 BLOCKED_AFTER = 1.0  # time of prevented motion after which it counts as blocked [s]
@@ -172,7 +174,7 @@ class Motion:
         most = math.hypot(np.linalg.norm(way[:3]),
                           ROTATION_LENGTH * np.linalg.norm(way[3:])) / DAMPING
         return float(min((PLANNED * limits.velocity / np.fmin(moving, most)).min(),
-                         np.sqrt(BENT * limits.acceleration / np.fmin(bent, most**2)).min()))
+                         np.sqrt(BENDING * limits.acceleration / np.fmin(bent, most**2)).min()))
 
     def _course(self, way: np.ndarray) -> tuple[np.ndarray, ...]:
         """
