@@ -100,7 +100,8 @@ package_files() {
 # copied, so that an edit is live.
 sources_signature() { package_files \( ! -name '*.py' -o -name setup.py \) | checksum; }
 kernels_signature() { # see COMPILED in tactile_common/kernels.py
-    package_files -name '*.py' -exec grep -qE '@njit|dtype\(|NamedTuple|IntEnum' {} \; | checksum
+    package_files -name '*.py' -exec grep -qE '@njit|dtype\(|NamedTuple|IntEnum' {} \; \
+        -printf '%T@ %p\n' | checksum
 }
 
 # ---------------------------------------------------------------- which ROS 2

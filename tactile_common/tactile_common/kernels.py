@@ -2,8 +2,10 @@
 Cache folder for the kernels that numba compiles, named after the sources of all kernels.
 
 Numba checks only the file of the compiled function, not the files of the functions that it
-calls. A separate folder for every state of the sources keeps its cache valid. Every module with
-a kernel imports `njit` from here, so that the folder is set before anything is compiled.
+calls. A separate folder for every state of the sources keeps its cache valid. Like numba, it
+counts a file that was written again as another one: in a folder with old and new versions of the
+same function, calls fail. Every module with a kernel imports `njit` from here, so that the folder
+is set before anything is compiled.
 
 `compile_kernels`, also a command, fills that folder, so that the first start need not wait.
 """
@@ -70,6 +72,7 @@ def cache_folder() -> Path:
                 source = path.read_bytes()
                 if COMPILED.search(source):
                     digest = zlib.crc32(source, digest)
+                    digest = zlib.crc32(b'%d' % path.stat().st_mtime_ns, digest)
     root = os.environ.get('NUMBA_CACHE_DIR') or os.environ.get('XDG_CACHE_HOME') or '~/.cache'
     return Path(root, 'tactile_kernels', f'{digest:08x}').expanduser()
 

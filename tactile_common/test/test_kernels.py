@@ -38,9 +38,12 @@ def test_the_folder_changes_with_the_kernels_and_with_nothing_else(made):
     (made / 'core.py').write_text(KERNEL.format('2 * x'))
     changed = kernels.cache_folder()
     assert changed != before
+    (made / 'core.py').write_text(KERNEL.format('x + x'))  # the same again, but newer
+    again = kernels.cache_folder()
+    assert again not in (before, changed)
     (made / 'deep').mkdir()
     (made / 'deep' / 'more.py').write_text(KERNEL.format('x'))
-    assert kernels.cache_folder() not in (before, changed)
+    assert kernels.cache_folder() not in (before, changed, again)
 
 
 def test_without_the_variable_it_is_the_users_cache(monkeypatch, tmp_path):
