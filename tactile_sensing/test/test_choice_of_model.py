@@ -353,6 +353,18 @@ def test_small_errors_of_most_tactels_are_no_second_load():
     assert np.nanmax(off) < 1e-3
 
 
+def test_one_tactel_beside_an_uneven_edge_is_no_second_load():
+    """Gains differ by 30 %: the errors of loaded tactels and of one beside them are no load."""
+    rng, array = np.random.default_rng(7), TactelArray(13, 6, 3.4e-3, 3.4e-3)
+    frames = np.array([line.pressure(array.x, array.y[:, None], place, np.pi / 2, 200.0, 2.5e-3)
+                       for place in rng.uniform(-8e-3, 8e-3, 200)])
+    peak = frames.max(axis=(1, 2)).min()
+    frames *= np.exp(0.3 * rng.standard_normal(frames.shape))
+    noise = 2e-3 * peak
+    found = estimate_without_skin(frames + noise * rng.standard_normal(frames.shape), array, noise)
+    assert (found['valid'] & (found['type'] == 2)).mean() > 0.98
+
+
 def pressed_points(array, depth, count, rng):
     """Return images of points on the inner tactels of a half-space's pad, with a peak of 1."""
     inner = np.array([array.half_width_x - array.pitch_x, array.half_width_y - array.pitch_y])

@@ -240,13 +240,13 @@ def _hidden_patch(fit: Fit, covariance: np.ndarray) -> float:
 
 
 @njit(error_model='numpy')
-def _apart(pad: Pad, fit: Fit, noise2: np.ndarray, peak: float) -> float:
+def _apart(pad: Pad, fit: Fit, peak: float) -> float:
     """Return `Misfit.apart`; the fit treats a second load as outliers. One tactel is no load."""
     rows, columns = pad.y.size, pad.x.size
     over = np.zeros((rows, columns))
     for i in range(rows * columns):
         if fit.weight[i] > 0.0:
-            over[i // columns, i % columns] = fit.error[i] - LOUD * math.sqrt(noise2[i])
+            over[i // columns, i % columns] = fit.error[i] - LOUD * math.sqrt(fit.variance[i])
     apart = 0.0
     for r in range(rows):
         for c in range(columns):
@@ -379,5 +379,5 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
         for j in range(n):
             covariance[index[i], index[j]] = small[i, j]
     significance = agreed / deviation if deviation > 0.0 else 0.0
-    apart = _apart(pad, fit, readings.noise2, peak)
+    apart = _apart(pad, fit, peak)
     return Misfit(significance, hidden, along, apart), covariance
