@@ -90,6 +90,22 @@ def test_archive_array_and_table_say_the_same(run):
         same(run(name, *KNOWN, *SHAPE), expected)
 
 
+def test_a_text_file_is_a_table(run):
+    for name in ('in.txt', 'in.csv'):
+        np.savetxt(name, edges().reshape(4, -1))
+    same(run('in.txt', *KNOWN, *SHAPE), run('in.csv', *KNOWN, *SHAPE))
+
+
+def test_the_summary_names_causes_if_most_loads_are_unexplained():
+    np.save('flat.npy', edges(8).reshape(8, -1))
+
+    def summary(*args):
+        return estimate.run(estimate.parse(['flat.npy', *BARE, *args, '-o', 'out.npz']))
+    wrong = summary('--shape', str(COLUMNS), str(ROWS))
+    assert '8 bad_fit' in wrong and '; most loads are neither a point nor a line: check' in wrong
+    assert summary(*SHAPE).endswith('0 not valid')
+
+
 def test_flat_arrays_ask_for_their_shape(run):
     np.save('flat.npy', edges().reshape(4, -1))
     np.savetxt('flat.csv', edges().reshape(4, -1))

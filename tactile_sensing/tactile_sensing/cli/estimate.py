@@ -27,6 +27,7 @@ from tactile_sensing.types.contact import COLUMNS, ContactType, INFORMATION, Rea
 from tactile_sensing.types.image import COMPONENTS
 
 QUIET = 1.0  # time before the progress bar appears [s]
+MANY = 0.5  # a larger share of unexplained loads may be due to wrong options
 REFUSALS = [reason for reason in Reason if not reason & INFORMATION]
 DESCRIPTION = """\
 Estimate the contact in every frame of a file: point or edge, where, and with what force.
@@ -38,7 +39,7 @@ Input array of FRAMES.npz (from numpy.savez or numpy.savez_compressed), or the o
                    x runs along increasing column, y along increasing row, the origin is the
                    centre of the array. NaN and infinity mark invalid tactels.
                    (N, rows*columns) with --shape R C.
-FRAMES.csv holds a frame a line, rows*columns numbers, row by row; a header line may stand above.
+FRAMES.csv or .txt holds a frame a line, rows*columns numbers, row by row, below a header or none.
 
 What the numbers mean:
   --calibration    raw counts as they come from the device, or volts where the file has a
@@ -91,7 +92,7 @@ def parser() -> argparse.ArgumentParser:
               'estimate BAG [options] -o OUT',
         description=DESCRIPTION, epilog=_epilog())
     add = arguments.add_argument
-    add('frames', metavar='FRAMES.npz|.npy|.csv|BAG', help='input')
+    add('frames', metavar='FRAMES.npz|.npy|.csv|.txt|BAG', help='input')
     add('--calibration', metavar='CAL.yaml',
         help='what turns counts into pressure: size, pitch, gains, noise, skin')
     add('--namespace', help='of the sensor in a bag that has several')
@@ -113,8 +114,9 @@ def parser() -> argparse.ArgumentParser:
     add('--tactel', choices=TACTELS, help='a tactel measures the stress at its centre, or the '
         'mean over its area (default: as the calibration says, or area)')
     add('--noise', metavar='SD', type=between(0.0, 1e9, 'Pa'), help='standard deviation of one '
-        'tactel, in Pa, or without --layers and --scale in the unit of the frames (default: '
-        'estimated from the finest detail of each frame)')
+        'tactel, in Pa, or without --layers and --scale in the unit of the frames; if unloaded '
+        'tactels always read 0, that of loaded ones while nothing moves (default: estimated from '
+        'the finest detail of each frame)')
     return arguments
 
 
@@ -164,6 +166,10 @@ def run(options: argparse.Namespace) -> str:
     types = np.bincount(rows['type'], minlength=len(ContactType))
     refusals = np.array([np.count_nonzero(reasons & int(it)) for it in REFUSALS])
     why = _counted(REFUSALS, refusals)
+    unexplained = np.count_nonzero(reasons & int(Reason.BAD_FIT))
+    if unexplained > MANY * np.count_nonzero(rows['type'] != ContactType.NONE):
+        why += ('; most loads are neither a point nor a line: check rows and columns, pitch, and '
+                'that compression is positive')
     return (f'{options.out}: {total} frames, {rate:.0f} frames/s; '
             f'{_counted(list(ContactType), types)}; {len(reasons)} not valid'
             + f': {why}' * bool(why))

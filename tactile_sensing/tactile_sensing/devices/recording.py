@@ -1,4 +1,4 @@
-"""Frames of an array in `.npz`, `.npy` and `.csv` files, and their conversion to counts."""
+"""Frames of an array in `.npz`, `.npy` and text files, and their conversion to counts."""
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -24,6 +24,7 @@ from tactile_sensing.devices.frame_clock import MAX_RATE
 
 BYTES = Counts(8)
 CHUNK = 1024  # frames
+TABLES = ('.csv', '.txt')  # endings of text files: a row of numbers is a frame
 Shape = tuple[int, int]
 
 
@@ -31,14 +32,14 @@ class FrameReader:
     """
     Frames in a file; their `shape` is (N, rows, columns) or (N, layers, rows, columns).
 
-    The file is an `.npz` archive with `frames`, an `.npy` array, or a `.csv` file with one frame
-    per row. If `shape` (rows, columns) is given, flat frames (N, rows * columns) are converted to
-    (N, rows, columns). `source` names the origin of the shape in messages. Raises a
+    The file is an `.npz` archive with `frames`, an `.npy` array, or a text file with one frame
+    per row (see TABLES). If `shape` (rows, columns) is given, flat frames (N, rows * columns) are
+    converted to (N, rows, columns). `source` names the origin of the shape in messages. Raises a
     ConfigurationError if the file cannot be read, or has other frames.
     """
 
     def __init__(self, path: str | PathLike, shape: Shape | None = None, source: str = '--shape'):
-        table = Path(path).suffix == '.csv'
+        table = Path(path).suffix in TABLES
         reader: Any = read_table(path) if table else ArrayReader(path, 'frames')
         self._chunks = partial(chunks_of, reader) if table else reader.chunks
         there, self.dtype = reader.shape, reader.dtype
@@ -128,13 +129,13 @@ def load_recording(path: str | PathLike, rate_hz: float | None = None,
     """
     Read an `.npz` archive with `frames` `(N, rows, columns)`, `rate_hz` and optional `pitch_m`.
 
-    An `.npy` array, a `.csv` file or an archive without a rate needs `rate_hz` [Hz]; flat frames
+    An `.npy` array, a text file or an archive without a rate needs `rate_hz` [Hz]; flat frames
     need `shape`. Raises a ConfigurationError if the file cannot be read, or an array in it is
     missing or impossible.
     """
     try:
         frames = read_whole(path, FrameReader(path, shape))
-        arrays = {} if Path(path).suffix in ('.npy', '.csv') else read_arrays(
+        arrays = {} if Path(path).suffix in ('.npy', *TABLES) else read_arrays(
             path, (), ('rate_hz', 'pitch_m'))
         if rate_hz is None and 'rate_hz' not in arrays:
             raise ConfigurationError("array 'rate_hz' is missing: --rate HZ says it")
