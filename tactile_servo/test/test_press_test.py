@@ -59,6 +59,30 @@ def test_a_later_test_proves_that_the_answer_has_not_changed(factor, noise, pass
     assert test.slope == pytest.approx(factor, rel=0.02 if noise < 1.0 else 1.0)
 
 
+class Play:
+    """Skin with hysteresis: what it feels stays, until it is too high by a share."""
+
+    def __init__(self, share):
+        self._share, self._felt = share, 0.0
+
+    def __call__(self, depth):
+        force = max(STIFFNESS * depth, 0.0)
+        self._felt = min(max(self._felt, force), (1.0 + self._share) * force)
+        return self._felt
+
+
+@pytest.mark.parametrize('share', [0.05, 0.1, 0.15])
+@pytest.mark.parametrize('unloaded', [0.0, 0.1])
+def test_hysteresis_is_no_change_of_the_answer(share, unloaded):
+    """The later test begins with a load that was pressed on, or partly taken away before."""
+    first, _ = pressed(Play(share), 0.02)
+    assert first.problem() == ''
+    skin, begin = Play(share), FORCE / STIFFNESS
+    skin((1.0 + unloaded) * begin)
+    test, _ = pressed(skin, 0.02, begin, load=skin(begin), first=first.slope)
+    assert test.problem() == '', (first.slope, test.slope)
+
+
 @pytest.mark.parametrize('stamped', [-2, 2])
 def test_stamps_that_are_wrong_do_not_hide_that_the_answer_is_the_same(stamped):
     """The force seems to lag, or to lead: a loop over the depth, which is no noise."""

@@ -73,6 +73,20 @@ start: {{s: 0.06, height: 0.004, {start}}}
     assert summary['force_max'] < 7.0
 
 
+@pytest.mark.parametrize('creep', [0.12, 0.25])
+@pytest.mark.parametrize('force', [5.0, 8.0])
+def test_a_skin_that_keeps_much_ends_where_the_edge_ends(creep, force):
+    """Beyond the end it still reads up to a fifth of the force, along the edge that it left."""
+    scene = load_scene('straight')
+    scene = replace(scene, sensor=replace(scene.sensor, creep=creep, creep_time=1.0))
+    simulation = Simulation(scene, 'trace', seed=1)
+    goal = EdgeGoal(0.05, force)
+    simulation.run(goal, 20.0)
+    summary = simulation.summary(goal)
+    assert summary['ok'] and summary['reason'] == 'the edge ended', summary['reason']
+    assert summary['force_max'] < 1.1 * force
+
+
 @pytest.mark.parametrize('path', [
     '{straight: 0.16}', '{straight: 0.06}, {turn: 40}, {straight: 0.1}'])
 def test_an_edge_does_not_end_where_a_coarse_pad_sees_no_ridge(tmp_path, path):
@@ -127,7 +141,7 @@ start: {{s: 0.03, height: 0.006, offset: 0.001}}
     pose = scene.start_pose()
     pose[:3, :3] @= Rotation.from_euler('x', tilt, degrees=True).as_matrix()
     monkeypatch.setattr(EdgeScene, 'start_pose', lambda _: pose)
-    simulation = Simulation(scene, 'trace', seed=1)
+    simulation = Simulation(scene, 'trace', seed=2)
     goal = EdgeGoal(0.05, force)
     simulation.run(goal, 30.0)
     summary = simulation.summary(goal)

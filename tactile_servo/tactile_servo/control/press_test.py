@@ -10,10 +10,11 @@ from tactile_servo.control.force_controller import BRAKING
 
 PRESSED = 0.6  # share of the goal's force to press with: it is enough to see the whole edge
 SURPLUS = 0.1  # share of the goal's force to aim at in addition, or PRESSED is barely reached
-RELEASED = 0.4  # share of the test's force that is released again
+RELEASED = 0.5  # share of the test's force that is released again
 TOUCHING = 0.2  # share of the test's force; with less the pad may have lost contact
 SURE = 3.0  # standard deviations of the measured slope that the decision allows for
 LASTING = 0.4  # s, duration of release and return
+RELIEVING = 0.05  # s, time constant of the relief before a later test
 IMAGES = 30  # least number of images in that time, of a slow sensor
 UNLIKE = 3.0  # factor between measured and predicted change of the force above which it fails
 UNLIKE_FIRST = 1.15  # factor between the changes in this and in the first test
@@ -27,9 +28,9 @@ class PressTest:
     have the slope 1. `pressed` is True once the pad was pressed with the force of the test, at the
     latest at the distance `deepest` from the touch.
 
-    A later test begins at the larger load of a goal. With the slope `first` of a test that proved
-    the sensor, it must prove it too, in the same range of loads. The lower the `rate` of images
-    [Hz], the longer it takes.
+    With the slope `first` of a test that proved the sensor, a later test must prove it too. It
+    relieves the pad first, because a skin with hysteresis gives the same slope only if the load
+    comes from below. The lower the `rate` of images [Hz], the longer it takes.
     """
 
     def __init__(self, force: float, load: float, depth: Callable[[float], float],
@@ -37,11 +38,10 @@ class PressTest:
         self._depth, self._first, again = depth, first, not math.isnan(first)
         self._lasting = max(LASTING, IMAGES / rate)
         self._least = PRESSED * force if again else max(PRESSED * force, load)
-        self._aim = self._least + SURPLUS * force
-        self._expected = depth(self._least) - depth(0.0 if again else load)
-        # Load from which it releases, ratio of release and depth, and largest load that counts
-        self._top = max(self._least, load)
-        self._ratio, self._most = (1.0 / first, self._aim) if again else (1.0, math.inf)
+        self._aim, self._low = self._least + SURPLUS * force, (1.0 - RELEASED) * self._least
+        self._expected = max(depth(self._least) - depth(load), 0.0)
+        # How far the pad may be relieved before it presses [m]
+        self._relief = UNLIKE * max(depth(load) - depth(self._low), 0.0) if again else 0.0
         self.pressed, self._release, self._lasted = False, 0.0, 0.0
         self.slope = math.nan  # measured change of the force, as a share of the predicted one
         self._way: dict[int, tuple[float, float]] = {}  # advance and load, by stamp
@@ -62,15 +62,21 @@ class PressTest:
 
     def see(self, stamp_ns: int, load: float, advance: float) -> None:
         """Process a load [N], its stamp [ns], and the advance of the pad then [m] or NaN."""
-        if not self.pressed and load >= self._least:
+        if load <= self._low:
+            self._relief = 0.0
+        if self._relief <= 0.0 and not self.pressed and load >= self._least:
             self.pressed = True
-            self._release = self._ratio * (
-                self._depth(self._top) - self._depth((1.0 - RELEASED) * self._least))
+            self._release = self._depth(self._least) - self._depth(self._low)
         if self.pressed and math.isfinite(advance):
             self._way[stamp_ns] = advance, load
 
     def speed(self, load: float, dt: float) -> float:
         """Compute the speed along the normal [m/s] for the next cycle, of `dt` [s]."""
+        if self._relief > 0.0:
+            surplus = self._depth(load) - self._depth(TOUCHING * self._least)
+            speed = max(surplus, 0.0) / RELIEVING
+            self._relief -= speed * dt
+            return -speed
         if not self.pressed:
             missing = max(self._depth(self._aim) - self._depth(load), 0.0)
             return math.sqrt(2.0 * BRAKING * missing)
@@ -87,19 +93,20 @@ class PressTest:
         begin = min(self._way, default=0)  # stamps of a burst differ by less than a float shows
         way = np.array([(1e-9 * (stamp - begin), advance, self._depth(load))
                         for stamp, (advance, load) in sorted(self._way.items())
-                        if TOUCHING * self._least < load <= self._most])
-        if len(way) < 5:
+                        if load > TOUCHING * self._least])
+        if len(way) < 7:
             return 'it was felt too briefly, or with stamps apart from those of joint states'
         time, actual, shown = (way - way.mean(axis=0)).T
-        # Late stamps and a skin that creeps delay the force, by a part in proportion to the speed.
+        # Late stamps delay the force, a skin with hysteresis holds it, and one that creeps drifts.
         speed = np.gradient(actual, time)
-        known = np.column_stack([actual, speed - speed.mean()])
+        known = np.column_stack([actual, speed, np.sign(speed), time])
+        known -= known.mean(axis=0)
         square = known.T @ known
-        if np.linalg.matrix_rank(square) < 2:
+        if np.linalg.matrix_rank(known) < len(square):
             return 'the pad was not seen to be released'
-        answer = np.linalg.solve(square, known.T @ shown)  # slope, delay
+        answer = np.linalg.solve(square, known.T @ shown)
         self.slope, left = float(answer[0]), shown - known @ answer
-        variance = float(left @ left) / (len(way) - 3) * np.linalg.inv(square)[0, 0]
+        variance = float(left @ left) / (len(way) - 5) * np.linalg.inv(square)[0, 0]
         slope, doubt = self.slope, SURE * math.sqrt(variance)
         changes = f'the force changes by {slope:.2g} of what the stiffness says'
         first = self._first

@@ -46,6 +46,7 @@ from tactile_servo.types import EdgeGoal, State, TaskError
 
 LARGE_YAW = 2.0  # degrees beyond which a turn of the mounting is named
 ADVANCE = 0.5  # grains, advance that counts as progress
+KEPT = 0.25  # share of the goal's force that a skin that creeps may keep without contact
 # Times `image_patience`, time without a usable image; longer than the supervisor's own timeout,
 # which handles missing images
 STALE = 1.5
@@ -76,7 +77,8 @@ class EdgeFollowing:
 
     def _forget(self, goal: EdgeGoal, skin_stiffness: float, stiffness: float) -> None:
         self.goal, self.stiffness = goal, stiffness
-        self.sight = EdgeSight(goal, skin_stiffness, self.servo.approach.contact_force)
+        self._contact_force = max(self.servo.approach.contact_force, KEPT * goal.force)
+        self.sight = EdgeSight(goal, skin_stiffness, self._contact_force)
         self._motion = EdgeMotion(self.config, goal, self.sight, stiffness)
         self._laps, self._stall = LapGuard(), Stall()
         self._here = self._ahead = 0.0  # stations of the measured and the commanded pose [m]
@@ -129,7 +131,7 @@ class EdgeFollowing:
         self.sight.press.forget()
         self._stall.seen = None
         # A pad that was lifted off touches lightly at first.
-        self._pressed &= self.sight.load.force >= self.servo.approach.contact_force
+        self._pressed &= self.sight.load.force >= self._contact_force
         self._mode, self._searching = Following(), Searching()
 
     def observe(self, observation: Observation) -> None:
@@ -170,7 +172,7 @@ class EdgeFollowing:
             return Assessment(State.HOLD, Reason(ReasonCode.STALE_IMAGE))
         if edge.closed and path.closing is not None and self._here >= path.closing:
             return done(ReasonCode.CONTOUR_CLOSED, success=True)
-        lacking, touching = self.lacks(now), load >= self.servo.approach.contact_force
+        lacking, touching = self.lacks(now), load >= self._contact_force
         # A lightly pressed pad touches only the highest part, so the edge seems to end early.
         self._pressed = self._pressed or self.sight.load.force >= PRESSED * self.goal.force
         tilted = self.sight.lifted and isinstance(self._mode, Following) and lacking is None
