@@ -289,8 +289,8 @@ class GoalRun:
         unfelt = self._law.unfelt
         if not unfelt > most_unfelt(self.goal.force):
             return None
-        return Reason(ReasonCode.TOO_DEEP, f'by {unfelt:.1f} N; the object gives way, the sensor '
-                      'measures too little, or the stiffness is too high')
+        return Reason(ReasonCode.TOO_DEEP, f'by {unfelt:.1f} N; ' + (self._motion.at_limit or (
+            'the object gives way, the sensor measures too little, or the stiffness is too high')))
 
     def _seems_too_deep(self) -> Reason | None:
         """Check whether the sensor must be tested again: it may be mounted with a tilt instead."""

@@ -55,7 +55,7 @@ class ReasonCode(IntEnum):
     NO_CONTACT = 303, 'no contact'
     NO_EDGE = 304, 'contact on approach, but nothing to track'
     TOO_DEEP = 305, 'went deeper than the measured force explains'
-    NO_PROGRESS = 306, 'no progress along the edge'
+    NO_PROGRESS = 306, 'no progress along the path'
     ENDED_BESIDE = 307, "the edge ended beside the pad's centre"
     GAVE_UP = 308, 'gave up'
     MOTION_BLOCKED = 309, 'motion blocked'

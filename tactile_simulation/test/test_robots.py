@@ -47,12 +47,12 @@ def model_of(urdf, tip):
     return RobotModel.from_urdf(ElementTree.tostring(urdf, encoding='unicode'), tip)
 
 
-def simulated(urdf, tip, start, folder, capsys, speed='0.05'):
+def simulated(urdf, tip, start, folder, capsys, speed='0.05', law='trace'):
     """Summary of `simulate` on the course, at 50 mm/s or another speed."""
     path = folder / 'robot.urdf'
     path.write_bytes(ElementTree.tostring(urdf))
-    status = main([str(COURSE), '--speed', speed, '--robot', str(path), '--tip', tip, '--json',
-                   '--start', *(f'{angle:.12f}' for angle in start)])
+    status = main([str(COURSE), '--speed', speed, '--law', law, '--robot', str(path), '--tip', tip,
+                   '--json', '--start', *(f'{angle:.12f}' for angle in start)])
     summary = json.loads(capsys.readouterr().out)
     assert (status == 0) == summary['ok']
     return summary
@@ -144,9 +144,11 @@ def test_a_singular_wrist_leads_off_no_edge(near, tmp_path, capsys):
     assert summary['force_max'] < 7.5
 
 
-def test_an_arm_that_meets_a_singularity_says_so(tmp_path, capsys):
+@pytest.mark.parametrize('law, start', [
+    ('trace', (0.17, 1.49, -1.19, -1.07, -1.28, 0.51)),
+    ('resolved_rate', (0.71, 0.2, -0.85, -1.47, 0.23, -1.32))])
+def test_an_arm_that_meets_a_singularity_says_so(law, start, tmp_path, capsys):
     """A PUMA 260 on a base from where these joint positions are at the start of the course."""
-    start = (0.17, 1.49, -1.19, -1.07, -1.28, 0.51)
     urdf, tip = robot('puma260')
     model = model_of(urdf, tip)
     base = POSE @ np.linalg.inv(model.pose(start))
@@ -156,7 +158,7 @@ def test_an_arm_that_meets_a_singularity_says_so(tmp_path, capsys):
     urdf.append(ElementTree.fromstring(
         f'<joint name="base" type="fixed"><parent link="ground"/>'
         f'<child link="{model.root_frame}"/><origin xyz="{place}" rpy="{turn}"/></joint>'))
-    summary = simulated(urdf, tip, start, tmp_path, capsys)
+    summary = simulated(urdf, tip, start, tmp_path, capsys, law=law)
     assert not summary['ok'] and 'the arm is near a singularity' in summary['reason']
 
 
