@@ -70,7 +70,7 @@ def methods(arrays, peers):
     kind, noise = arrays['kind'], float(arrays['noise'])
     found = [_estimator(FIT, arrays)]
     if len(arrays['depths']) == 1:
-        found.append(_estimator('estimator, nothing told', arrays, known=False))
+        found.append(_estimator('estimator, skin unknown', arrays, known=False))
     found += [_estimator(f'thesis: {name}', arrays, method=name)
               for name in ('compensated', 'moments') if kind == 'point' or name == 'moments']
     if len(arrays['depths']) > 1:

@@ -39,6 +39,7 @@ def test_the_folder_changes_with_the_kernels_and_with_nothing_else(made):
     changed = kernels.cache_folder()
     assert changed != before
     (made / 'core.py').write_text(KERNEL.format('x + x'))  # the same again, but newer
+    os.utime(made / 'core.py', (2e9, 2e9))
     again = kernels.cache_folder()
     assert again not in (before, changed)
     (made / 'deep').mkdir()

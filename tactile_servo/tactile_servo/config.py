@@ -54,7 +54,8 @@ class ApproachConfig:
     speed: float = bounded(
         0.01, 'speed along the normal towards the object, and away from it', 'm/s', 1e-4, 0.1)
     contact_force: float = bounded(
-        0.5, 'force from which the pad counts as touching, if it is no noise', 'N', 0.01, 100.0)
+        0.5, 'force from which the pad counts as touching, if it is no noise; '
+             "for `trace` on its way at least a quarter of the goal's force", 'N', 0.01, 100.0)
     distance: float = bounded(0.03, 'the approach gives up after this way', 'm', 0.001, 1.0)
 
 

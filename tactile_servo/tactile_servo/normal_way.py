@@ -77,7 +77,8 @@ class NormalWay:
         sensor = self._inputs.sensor
         rate = sensor.nominal_rate if sensor and sensor.nominal_rate else math.inf
         self._test = PressTest(
-            self._goal.force, self._inputs.load, self._law.depth, self._first, rate)
+            self._goal.force, self._inputs.load, self._law.depth, self._first, rate,
+            self._config.approach.speed)
 
     def test(self, dt: float) -> np.ndarray:
         """Compute the twist of the pad (6,) in the press test, for a cycle of `dt` [s]."""

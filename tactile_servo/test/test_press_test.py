@@ -83,6 +83,14 @@ def test_hysteresis_is_no_change_of_the_answer(share, unloaded):
     assert test.problem() == '', (first.slope, test.slope)
 
 
+def test_a_pad_is_relieved_no_faster_than_it_may_move_off():
+    test, depths = pressed(lambda depth: 1.5 * STIFFNESS * depth, 0.02, FORCE / STIFFNESS / 1.5,
+                           load=FORCE, first=1.5, lift=0.002)
+    relief = depths[:depths[:-round(LASTING / DT)].argmin()]
+    assert test.problem() == '' and relief[-1] < -1e-4
+    assert np.diff(relief).min() == pytest.approx(-0.002 * DT)
+
+
 @pytest.mark.parametrize('stamped', [-2, 2])
 def test_stamps_that_are_wrong_do_not_hide_that_the_answer_is_the_same(stamped):
     """The force seems to lag, or to lead: a loop over the depth, which is no noise."""

@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tactile_servo.types import EdgeGoal
+from tactile_simulation import closed_loop
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.edge_world import EdgeScene
 from tactile_simulation.scene import load_scene
@@ -85,6 +86,20 @@ def test_a_skin_that_keeps_much_ends_where_the_edge_ends(creep, force):
     summary = simulation.summary(goal)
     assert summary['ok'] and summary['reason'] == 'the edge ended', summary['reason']
     assert summary['force_max'] < 1.1 * force
+
+
+def test_a_pad_that_is_still_lightly_on_the_edge_slides_off_it(monkeypatch):
+    """The calibration gives too small a depth and stiffness: the edge seems to end early."""
+    right = closed_loop.calibration_of
+
+    def wrong(scene):
+        known = right(scene)
+        return replace(known, depth=0.76 * known.depth, skin_stiffness=0.75 * known.skin_stiffness)
+    monkeypatch.setattr(closed_loop, 'calibration_of', wrong)
+    simulation = Simulation(load_scene('straight'), 'trace', seed=81)
+    goal = EdgeGoal(0.02, 8.0)
+    simulation.run(goal, 25.0)
+    assert simulation.summary(goal)['reason'] == 'the edge ended'
 
 
 @pytest.mark.parametrize('path', [

@@ -30,12 +30,14 @@ class PressTest:
 
     With the slope `first` of a test that proved the sensor, a later test must prove it too. It
     relieves the pad first, because a skin with hysteresis gives the same slope only if the load
-    comes from below. The lower the `rate` of images [Hz], the longer it takes.
+    comes from below; it moves off no faster than `lift` [m/s]. The test takes longer with a lower
+    `rate` of images [Hz].
     """
 
     def __init__(self, force: float, load: float, depth: Callable[[float], float],
-                 first: float = math.nan, rate: float = math.inf):
+                 first: float = math.nan, rate: float = math.inf, lift: float = math.inf):
         self._depth, self._first, again = depth, first, not math.isnan(first)
+        self._lift = lift
         self._lasting = max(LASTING, IMAGES / rate)
         self._least = PRESSED * force if again else max(PRESSED * force, load)
         self._aim, self._low = self._least + SURPLUS * force, (1.0 - RELEASED) * self._least
@@ -74,7 +76,7 @@ class PressTest:
         """Compute the speed along the normal [m/s] for the next cycle, of `dt` [s]."""
         if self._relief > 0.0:
             surplus = self._depth(load) - self._depth(TOUCHING * self._least)
-            speed = max(surplus, 0.0) / RELIEVING
+            speed = min(max(surplus, 0.0) / RELIEVING, self._lift)
             self._relief -= speed * dt
             return -speed
         if not self.pressed:

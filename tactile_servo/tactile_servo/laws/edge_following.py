@@ -178,7 +178,7 @@ class EdgeFollowing:
         tilted = self.sight.lifted and isinstance(self._mode, Following) and lacking is None
         if path.end is PathEnd.RIDGE and self._ahead >= path.tip - END_MARGIN * scale.grain and (
                 self._pressed or lacking is not None) and not tilted:
-            return self._at_end(progress, touching)
+            return self._at_end(progress, load)
         self._coasting = Coasting()
         if lacking is None:
             self._find()
@@ -192,13 +192,14 @@ class EdgeFollowing:
             return Assessment(State.HOLD, lacking)
         return self._search(self._searching)
 
-    def _at_end(self, progress: float, touching: bool) -> Assessment:
+    def _at_end(self, progress: float, load: float) -> Assessment:
         """Decide at the end of the ridge: coast over a gap, go down a step, or end."""
+        touching = load >= self.servo.approach.contact_force
         scale, coasting = self.sight.edge.scale, self._coasting
         unseen = self._motion.speed * self.sight.age
         if not coasting.over(scale, unseen) and (touching or coasting.begun(scale)):
             return self._search(coasting)
-        if touching:
+        if load >= self._contact_force:
             return done(ReasonCode.EDGE_LOST, 'the ridge ends, but the pad is pressed')
         if not self._reaching.over:
             return self._search(self._reaching)
