@@ -62,6 +62,19 @@ def test_a_bump_of_free_shape_is_a_power_of_the_distance(width, exponent):
     np.testing.assert_allclose(model, true.ravel(), rtol=1e-8 * exponent, atol=1e-200)
 
 
+def test_an_elongated_bump_is_that_of_stretched_distances():
+    turn, ratio, width = 0.4, 1.5, 1.5e-3
+    long = (ratio**2 - 1.0) / (ratio**2 + 1.0)
+    theta = loaded(POINT, LONG_X=long * np.cos(2.0 * turn), LONG_XY=long * np.sin(2.0 * turn),
+                   WIDTH=np.log(width), EXPONENT=np.log(2.5), SHEAR_U=0.0, SHEAR_V=0.0)
+    model, _ = rows(POINT, True, pad_of(ARRAY, (('zz', 0.0),), area=False), theta)
+    x, y = ARRAY.x - theta[Q0], ARRAY.y[:, None] - theta[Q1]
+    along, aside = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
+    squared = (along**2 + (ratio * aside)**2) * 2.0 / (1.0 + ratio**2)
+    true = theta[FORCE] * (1.0 + (2.0**0.4 - 1.0) * squared / width**2)**-2.5
+    np.testing.assert_allclose(model, true.ravel(), rtol=1e-8)
+
+
 @pytest.mark.parametrize('seed', range(6))
 def test_a_line_is_that_of_the_half_space_on_tactels_of_some_area(seed):
     pad, theta = pad_of(ARRAY, ONE), loaded(LINE, seed=seed)
@@ -107,6 +120,8 @@ def test_derivatives_are_differences(kind, power, layers, ends, seed):
     pad, extra = pad_of(ARRAY, layers, thickness=4e-3 if layers == ONE else np.inf), {}
     if power:
         extra |= {'WIDTH': np.log(2.3e-3), 'EXPONENT': np.log(3.1)}
+        if kind == POINT:
+            extra |= {'LONG_X': 0.2, 'LONG_XY': -0.3}
     else:
         extra |= {'WIDTH': 0.15}
     if ends:
@@ -116,7 +131,7 @@ def test_derivatives_are_differences(kind, power, layers, ends, seed):
     theta = loaded(kind, len(layers), seed, **extra)
     model, by = rows(kind, power, pad, theta, ends=ends)
     active = [*SHARP, bumps.SHEAR_V, WIDTH, *[bumps.EXPONENT] * power,
-              *[bumps.BEGIN, bumps.END] * ends]
+              *[bumps.BEGIN, bumps.END] * (ends or power and kind == POINT)]
     for parameter in active:
         step = np.zeros(theta.size)
         step[parameter] = STEPS.get(parameter, 1e-3)
@@ -144,10 +159,12 @@ def test_two_points_are_the_sum_of_both_and_their_derivatives_those_by_differenc
         bumps.add_rows_of_two(power, True, False, pad, theta, by, model)
         return model, by
 
-    second = theta.copy()
+    first = theta.copy()
+    first[[bumps.Q2, bumps.Q3]] = 0.0
+    second = first.copy()
     second[[Q0, Q1]] = theta[[bumps.Q2, bumps.Q3]]
     model, by = image(theta)
-    one, other = (rows(POINT, power, pad, load)[0] for load in (theta, second))
+    one, other = (rows(POINT, power, pad, load)[0] for load in (first, second))
     np.testing.assert_allclose(model, 0.7 * one + 0.3 * other, rtol=1e-12)
     for parameter in (*SHARP, bumps.SHEAR_V, WIDTH, bumps.Q2, bumps.Q3, bumps.SHARE):
         step = STEPS.get(parameter, 1e-3) * np.eye(theta.size)[parameter]

@@ -465,6 +465,39 @@ def test_a_bar_that_is_too_short_for_a_line_is_a_point():
     assert np.hypot(found['x'] - places[:, 0], found['y'] - places[:, 1]).max() < 0.4e-3
 
 
+def hertz(array, depth, halves, angle, place):
+    """Return the image of an elliptical Hertz contact with half axes (2,) [m] and a force of 1."""
+    few = 5
+    parts = (np.arange(few) + 0.5) / few - 0.5  # a tactel measures its mean
+    x = (array.x[:, None] + array.pitch_x * parts).ravel()
+    y = (array.y[:, None] + array.pitch_y * parts).ravel()[:, None]
+    grid = np.mgrid[-1:1:15j, -1:1:15j].reshape(2, -1).T
+    grid = grid[np.hypot(*grid.T) < 1.0]
+    pressure = np.sqrt(1.0 - np.sum(grid**2, axis=1))
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    fine = sum(point.stress('zz', x, y, *(place + offset), force, 0.0, 0.0, depth)
+               for offset, force in zip(grid * halves @ turn.T, pressure / pressure.sum(),
+                                        strict=True))
+    return fine.reshape(array.rows, few, array.columns, few).mean(axis=(1, 3))
+
+
+@pytest.mark.parametrize('pitch, depth, halves', [
+    (4e-3, 2e-3, (7e-3, 4.5e-3)), (3e-3, 1.5e-3, (6e-3, 4e-3)), (2e-3, 1.5e-3, (4e-3, 2.5e-3))])
+def test_an_elongated_contact_as_of_a_finger_is_a_point_within_its_claim(pitch, depth, halves):
+    rng, array = np.random.default_rng(1), TactelArray(12, 12, pitch, pitch)
+    places = rng.uniform(-3.0 * pitch, 3.0 * pitch, (40, 2))
+    frames = np.array([hertz(array, depth, halves, angle, place)
+                       for angle, place in zip(rng.uniform(0.0, np.pi, 40), places, strict=True)])
+    noise = 0.01 * frames.max()
+    found = estimate_without_skin(frames + noise * rng.standard_normal(frames.shape), array, noise)
+    ok = found['valid'] & (found['type'] == ContactType.POINT)
+    assert ok.mean() > 0.85 and (found['valid'] == ok).all()
+    off = np.column_stack([found['x'], found['y']])[ok] - places[ok]
+    sd = np.sqrt(np.diagonal(found['covariance'], axis1=1, axis2=2)[ok, :2])
+    assert np.hypot(*off.T).max() < 0.1 * pitch
+    assert np.sqrt(np.mean((off / sd)**2)) < 1.4
+
+
 def test_a_pad_that_is_smaller_than_what_it_feels_still_finds_places():
     """The skin blurs a point to more than the pad can recognise; that alone refuses no image."""
     rng, array, depth = np.random.default_rng(4), TactelArray(3, 6, 2e-3, 2e-3), 3e-3

@@ -13,6 +13,8 @@ from tactile_sensing.skin.bumps import (
     EXPONENT,
     FORCE,
     LINE,
+    LONG_X,
+    LONG_XY,
     Pad,
     PLATE,
     POINT,
@@ -31,10 +33,12 @@ from tactile_sensing.skin.kernel import MAX_VARIANCE
 HALF_SPACE = 2.5  # exponent of a point's bump on a half-space
 SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P: known skin, unknown skin
 TAPER_SPREAD = 0.5  # standard deviation of taper / force of a line
+LONGER, LONGEST = 0.2, 0.6  # standard deviation and largest value of LONG_X and LONG_XY
 SCATTER = 0.05  # assumed scatter of unknown gains
-POWER, ENDS, ROBUST, PATCH, BASELINE, TAPERED = 1, 2, 4, 8, 16, 32  # options, see `Beliefs`
-# Log odds of a point or a line that crosses the pad: against two points, a line that ends or a
-# border of a plate, which has two.
+# Options, see `Beliefs`
+POWER, ENDS, ROBUST, PATCH, BASELINE, TAPERED, ELONGATED = 1, 2, 4, 8, 16, 32, 64
+# Log odds of a round point or a line that crosses the pad: against an elongated point, two points,
+# a line that ends or a border of a plate, which has two.
 RARE = 3.0
 APART = 0.055  # a higher unexplained pressure away from the load is a second load [of its peak]
 UNSEEN = 0.0, 0.05  # d where the residual does not show it: sharp load on a known skin, others
@@ -53,7 +57,7 @@ def widest(pad: Pad) -> float:
 def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
     """Return the priors and bounds of a load; `options` is a sum of the constants above."""
     power, ends, robust = options & POWER > 0, options & ENDS > 0, options & ROBUST > 0
-    patch = options & PATCH > 0
+    patch, elongated = options & PATCH > 0, options & ELONGATED > 0
     count = BASE + pad.depths.size
     mean, information, step = np.zeros(count), np.zeros(count), np.ones(count)
     low, high, fitted = np.full(count, -np.inf), np.full(count, np.inf), np.zeros(count, np.bool_)
@@ -91,6 +95,11 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
         low[WIDTH], high[WIDTH] = math.log(0.3 * pad.pitch), math.log(widest(pad))
         low[EXPONENT], high[EXPONENT] = math.log(1.7), math.log(12.0)
         step[WIDTH], step[EXPONENT] = 0.25, 0.2
+        if elongated:
+            volume += RARE
+            for p in (LONG_X, LONG_XY):
+                fitted[p], information[p], step[p] = True, LONGER ** -2, 0.2
+                low[p], high[p] = -LONGEST, LONGEST
     elif patch:
         fitted[WIDTH], low[WIDTH], high[WIDTH], step[WIDTH] = True, 0.0, MAX_VARIANCE, 0.1
         volume += math.log(MAX_VARIANCE)
@@ -99,6 +108,7 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
     if kind == PLATE:
         fitted[END] = fitted[EXPONENT] = fitted[SHEAR_U] = fitted[SHEAR_V] = False
     gain, spread = (scatter, 0.5) if scatter > 0.0 else (SCATTER, 1.0)
-    return Beliefs(kind, power, ends, patch, robust, mean, information, low, high, step,
-                   np.flatnonzero(fitted), volume - 0.5 * math.log(2.0 * math.pi) * flat,
-                   SHEAR[int(power)], scatter, gain, spread, UNSEEN[int(power or patch)])
+    volume -= 0.5 * math.log(2.0 * math.pi) * flat
+    return Beliefs(kind, power, elongated, ends, patch, robust, mean, information, low, high, step,
+                   np.flatnonzero(fitted), volume, SHEAR[int(power)], scatter, gain, spread,
+                   UNSEEN[int(power or patch)])

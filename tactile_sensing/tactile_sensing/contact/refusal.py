@@ -17,6 +17,7 @@ DOUBT = 3.0  # a sharp load with a higher significance of d is not sufficient
 # Refused: significance of d above the first value and residual share above the second. Of a line,
 # only the residual across it counts here: its force may vary along it.
 WRONG = (6.0, 0.12), (3.0, 0.15), (2.0, 0.2)
+LONG = 0.5  # factor of these shares for an elongated point: the tilted corner of a box is similar
 MOST = 0.5  # a larger residual share is refused
 NOISY = 0.1  # a larger share of tactels beyond noise is not explained by broken tactels
 # Larger readings, in standard deviations of a tactel: of all tactels, no drift; of two, no noise.
@@ -117,12 +118,13 @@ def _bad_fit(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     significance = one.misfit.significance
     if one.beliefs.power and one.fit.theta[WIDTH] > one.beliefs.high[WIDTH] - ROUNDING:
         significance = np.inf
+    factor = LONG if one.beliefs.elongated else 1.0
     left = one.residual.left
     across = math.sqrt(max(left ** 2 - one.misfit.along ** 2, 0.0))
     wrong = one.beliefs.kind > LINE or one.misfit.apart > APART
     wrong |= one.residual.loud > NOISY or left > MOST
     for least, share in WRONG:
-        wrong |= significance > least and across > share
+        wrong |= significance > least and across > factor * share
     if not wrong:
         return 0
     size = pad.x.size * pad.y.size

@@ -7,7 +7,7 @@ a known skin, f and g are the polynomials of `skin.kernel`; the only unknown of 
 variance of the load's patch. On an unknown skin, f = (1 + s / w^2)^-n (line: n - 1/2) and
 g = f / w. This is exact for a half-space, with w the depth and n = 5/2. The half width at half
 height and the exponent n are then unknowns. They cover depth, bone, bluntness and the area of the
-tactels together.
+tactels together. There the bump of a point may be elongated, as under a finger.
 """
 
 from collections.abc import Callable
@@ -26,11 +26,13 @@ POINT, LINE, TWO, PLATE = 1, 2, 3, 4
 # SHEAR_V: [N] of a point, [N/m] of a line; SHEAR_U of a line is the shear across it. TAPER, in
 # the place of SHEAR_V: growth of the force of a line, along it from the foot of the origin, over
 # half the diagonal of the pad [N/m]. BASE: baseline of the first layer; the others follow.
+# LONG_X, LONG_XY: how much longer a point is along x, and along the diagonal:
+# s = (1 - LONG_X) u^2 + (1 + LONG_X) v^2 - 2 LONG_XY u v.
 # Of TWO points: Q0, Q1 and Q2, Q3: x, y [m]; SHARE: part of the load that is on the second.
 # Of a PLATE: Q0, Q1 of a border, with yaw to its inside; BEGIN of the plate along this border;
 # SHARE: part of the pressure that is high on the borders.
 Q0, Q1, BEGIN, END, SHARE, WIDTH, EXPONENT, FORCE, SHEAR_U, SHEAR_V, BASE = range(11)
-Q2, Q3, TAPER = BEGIN, END, SHEAR_V
+Q2, Q3, LONG_X, LONG_XY, TAPER = BEGIN, END, BEGIN, END, SHEAR_V
 BEYOND = 8.0  # a line is invisible from this distance outside the pad [depths]
 LOG2 = math.log(2.0)
 TERMS = DEGREE + 1  # of a polynomial
@@ -104,25 +106,30 @@ def loaded_chord(pad: Pad, theta: np.ndarray, ends: bool) -> tuple[float, float,
 
 # Tactels are computed in blocks of constant size, so that loops over them vectorise. Rows of the
 # work array of a block, at one node: U, V distances from the load; ALONG the line; S squared
-# distance; f and g, their derivatives by s, by WIDTH (log w), by n; T; derivatives by BEGIN and
-# END; temporary values; GROWS: ALONG in half diagonals of the pad, 0 for a point.
+# distance s, half its derivatives by u, v; f and g, their derivatives by s, by WIDTH (log w), by
+# n; T; derivatives by BEGIN and END; temporary values; GROWS: ALONG in half diagonals of the pad,
+# 0 for a point.
 BLOCK = 64
-(U, V, ALONG, S, F, G, FS, GS, FW, GW, FN, GN, T, F0, G0, F1, G1, FIRST, LAST, AT_FIRST, AT_LAST,
- POWER, GROWS, SCRATCH) = range(0, 24 * BLOCK, BLOCK)
+(U, V, ALONG, S, SU, SV, F, G, FS, GS, FW, GW, FN, GN, T, F0, G0, F1, G1, FIRST, LAST, AT_FIRST,
+ AT_LAST, POWER, GROWS, SCRATCH) = range(0, 26 * BLOCK, BLOCK)
 
 
 @njit(error_model='numpy', fastmath=FAST)
 def _from_load(part: np.ndarray, places: np.ndarray, dx: float, dy: float, line: bool, cos: float,
                sin: float, theta: np.ndarray, half: float) -> None:
-    """Fill rows U to S and GROWS at a node of the tactels at places (2, BLOCK) [m]."""
+    """Fill rows U to SV and GROWS at a node of the tactels at places (2, BLOCK) [m]."""
     for i in range(BLOCK):
         x, y = places[0, i] + dx, places[1, i] + dy
         if line:
-            part[U + i], part[ALONG + i] = x * cos + y * sin - theta[Q0], y * cos - x * sin
+            u, part[ALONG + i] = x * cos + y * sin - theta[Q0], y * cos - x * sin
             part[GROWS + i] = part[ALONG + i] / half
+            part[U + i], part[SU + i], part[S + i] = u, u, u * u
         else:
-            part[U + i], part[V + i] = x - theta[Q0], y - theta[Q1]
-        part[S + i] = part[U + i] ** 2 + part[V + i] ** 2
+            u, v = x - theta[Q0], y - theta[Q1]
+            by_u = (1.0 - theta[LONG_X]) * u - theta[LONG_XY] * v
+            by_v = (1.0 + theta[LONG_X]) * v - theta[LONG_XY] * u
+            part[U + i], part[V + i], part[S + i] = u, v, by_u * u + by_v * v
+            part[SU + i], part[SV + i] = by_u, by_v
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -315,7 +322,7 @@ def _accumulate(part: np.ndarray, line: bool, ends: bool, wide: bool, lever: np.
         across = shear_u * u + shear_v * v
         common = 2.0 * (force * part[FS + i] + across * part[GS + i])
         value = force * part[F + i] + across * part[G + i]
-        by_u = share * (common * u + shear_u * part[G + i])
+        by_u = share * (common * part[SU + i] + shear_u * part[G + i])
         sums[BASE * BLOCK + i] += share * value
         sums[Q0 * BLOCK + i] -= by_u + node * gx * value
         if line:
@@ -324,19 +331,23 @@ def _accumulate(part: np.ndarray, line: bool, ends: bool, wide: bool, lever: np.
             sums[Q1 * BLOCK + i] -= share * part[F + i] * theta[TAPER] * (u + rho) / half
             sums[TAPER * BLOCK + i] += share * part[F + i] * part[GROWS + i]
         else:
-            sums[Q1 * BLOCK + i] -= share * (common * v + shear_v * part[G + i])
+            sums[Q1 * BLOCK + i] -= share * (common * part[SV + i] + shear_v * part[G + i])
             sums[Q1 * BLOCK + i] -= node * gy * value
             sums[SHEAR_V * BLOCK + i] += share * part[G + i] * v
         sums[FORCE * BLOCK + i] += share * part[F + i]
         sums[SHEAR_U * BLOCK + i] += share * part[G + i] * u
     for i in range(BLOCK if wide else 0):
-        share = node * (gz + gx * part[U + i] + gy * part[V + i])
-        force = theta[FORCE] + theta[TAPER] * part[GROWS + i]
-        across = shear_u * part[U + i] + shear_v * part[V + i]
+        u, v = part[U + i], part[V + i]
+        share, force = node * (gz + gx * u + gy * v), theta[FORCE] + theta[TAPER] * part[GROWS + i]
+        across = shear_u * u + shear_v * v
         by_w = force * part[FW + i] + across * part[GW + i]
         by_n = force * part[FN + i] + across * part[GN + i]
         sums[WIDTH * BLOCK + i] += share * by_w
         sums[EXPONENT * BLOCK + i] += share * (by_w * turn + n * by_n)
+        if not line:
+            by_s = share * (force * part[FS + i] + across * part[GS + i])
+            sums[LONG_X * BLOCK + i] += by_s * (v * v - u * u)
+            sums[LONG_XY * BLOCK + i] -= 2.0 * by_s * u * v
     if ends:
         for i in range(BLOCK):
             across = shear_u * part[U + i]
@@ -360,8 +371,8 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
     kind : int
         POINT or LINE.
     power, ends, wide : bool
-        Whether the skin is unknown; whether a line has ends; whether the derivative by the
-        variance of the patch is needed.
+        Whether the skin is unknown; whether a line has ends; whether the derivatives by the shape
+        of the bump are needed.
     coarse : bool
         Whether to sample a tactel at its centre only, for broad bumps and for first steps.
     pad : Pad
@@ -436,11 +447,12 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
 def add_rows_of_two(power: bool, wide: bool, coarse: bool, pad: Pad, theta: np.ndarray,
                     by: np.ndarray, model: np.ndarray) -> None:
     """Compute the image of TWO points and its derivatives; parameters as of `add_rows`."""
-    one, other, share = np.zeros_like(by), theta.copy(), theta[SHARE]
-    other[Q0], other[Q1] = theta[Q2], theta[Q3]
-    add_rows(POINT, power, False, wide, coarse, pad, theta, one, model)
+    one, load, share = np.zeros_like(by), theta.copy(), theta[SHARE]
+    load[LONG_X] = load[LONG_XY] = 0.0
+    add_rows(POINT, power, False, wide, coarse, pad, load, one, model)
     alone = model.copy()
-    add_rows(POINT, power, False, wide, coarse, pad, other, by, model)
+    load[Q0], load[Q1] = theta[Q2], theta[Q3]
+    add_rows(POINT, power, False, wide, coarse, pad, load, by, model)
     by[Q2], by[Q3] = share * by[Q0], share * by[Q1]
     by[Q0], by[Q1] = (1.0 - share) * one[Q0], (1.0 - share) * one[Q1]
     by[SHARE] = model - alone
