@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.edge.runs import follow, shipped
-from tactile_simulation.sensor import Sensor, Skin
+from tactile_simulation.sensor import SceneSkin, Sensor
 
 DEEP = 1.5  # depth in pitches (the larger pitch)
 SPEEDS, SEEDS = (0.03, 0.05), range(3)
@@ -17,7 +17,7 @@ PADS = [(8, 8, 2.5e-3, 2.5e-3), (16, 16, 1e-3, 1e-3), (16, 16, 4e-3, 4e-3),
 def scene_for(name, rows, columns, pitch_x, pitch_y):
     """Return an installed scene with a pad, its noise and range scaled to the peak of 5 N."""
     scene, depth = shipped(name), DEEP * max(pitch_x, pitch_y)
-    share = (Skin().depth * Sensor().array.size_y) / (depth * rows * pitch_y)
+    share = (SceneSkin().depth * Sensor().array.size_y) / (depth * rows * pitch_y)
     sensor = Sensor(rows=rows, columns=columns, pitch_x=pitch_x, pitch_y=pitch_y,
                     noise_std=share * Sensor().noise_std,
                     pa_per_count=share * Sensor().pa_per_count)

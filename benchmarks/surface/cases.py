@@ -19,7 +19,7 @@ from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_simulation.closed_loop import PICTURE_EVERY, Simulation, STEP
 from tactile_simulation.gantry import gantry
 from tactile_simulation.scene import load_scene
-from tactile_simulation.surface_objects import Placed, StepShape
+from tactile_simulation.surface_objects import PlacedObject, StepShape
 from tactile_simulation.surface_world import SurfaceStart, SurfaceWorld
 
 OBJECTS = ('cylinder_65', 'cylinder_120', 'sphere_70', 'sphere_126')
@@ -143,7 +143,7 @@ def follow(case: Case, seed: int) -> tuple[dict[str, Any], list, list]:
     """Run a case once; return numbers of its summary, contacts and their errors."""
     scene = replace(load_scene(scene_file(case.scene)), start=case.start)
     if case.step is not None:
-        scene = replace(scene, surface=Placed(StepShape(case.step), scene.surface.top))
+        scene = replace(scene, surface=PlacedObject(StepShape(case.step), scene.surface.top))
     hardest = max(case.goal.force, case.before)
     bounds = ServoConfig(force=ForceBounds(max_load=max(12.0, 1.5 * hardest)))
     robot = gantry(scene.plant.acceleration, case.wrist) if case.wrist else None

@@ -26,7 +26,7 @@ from tactile_sensing.types.image import TactileImage as ImageData
 from tactile_servo.reasons import ReasonCode
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_world import EdgeScene, EdgeWorld, Start
-from tactile_simulation.sensor import Sensor, Skin
+from tactile_simulation.sensor import SceneSkin, Sensor
 
 NS = 1_000_000_000
 START = 1_700_000_000 * NS
@@ -59,7 +59,8 @@ def straight_scene():
     return EdgeScene(
         'straight', 'Straight edge.',
         EdgePath(np.array([[0.3, -0.1, 0.12], [0.3, 0.1, 0.12]])),
-        Start(0.02, OFFSET, 0.004, 0.0), skin=Skin(0.002, 2e5), sensor=Sensor(630.0, 10.0, 627.45))
+        Start(0.02, OFFSET, 0.004, 0.0), skin=SceneSkin(0.002, 2e5),
+        sensor=Sensor(630.0, 10.0, 627.45))
 
 
 def lateral_at(seconds):

@@ -23,7 +23,7 @@ _CONVERTED: dict[str, Callable[[Any], Any]] = {
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Observation:
+class BagMessage:
     """A recorded message; it is converted when its value is requested."""
 
     kind: str  # 'image', 'contact' or 'sensor_pose'
@@ -36,14 +36,14 @@ class Observation:
             return _CONVERTED[self.kind](self._row.message)
 
 
-def observations(bag: Bag, topics: Mapping[str, str]) -> Iterator[Observation]:
+def observations(bag: Bag, topics: Mapping[str, str]) -> Iterator[BagMessage]:
     """
     Yield the messages of topics, given with their kinds, as received; one may be missing.
 
     Raises a ConfigurationError if the bag is damaged.
     """
     for row in bag.messages(topics):
-        yield Observation(topics[row.topic], row.stamp_ns, row)
+        yield BagMessage(topics[row.topic], row.stamp_ns, row)
 
 
 class RecordedImages:

@@ -9,7 +9,7 @@ from tactile_sensing.types.image import Layer, TactileImage
 from tactile_sensing.types.skin import Skin
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.surface_path import PlanarPath, raster
-from tactile_servo.following import Following
+from tactile_servo.following import FollowingCheck
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Observation
 from tactile_servo.laws.edge_following import EdgeFollowing
@@ -50,7 +50,7 @@ def compile_kernels() -> None:
     inputs.see_joints(np.zeros(2), 0, 0.0)
     image = TactileImage(0, 0, (Layer('zz', DEPTH, np.zeros(ARRAY.shape)),), ARRAY, True)
     inputs.see_image(image, 0.0)
-    following = Following(0.002)
+    following = FollowingCheck(0.002)
     following.sent(0.0, motion.pose, inputs.pose)
     following.problem(inputs.pose, 0.0)
     _follow_an_edge(motion)

@@ -14,7 +14,7 @@ REST_SHARE = 0.2  # largest share of this motion that a robot at rest may have m
 LATE = 0.05  # s, largest delay of the robot: dead time and lag of an arm that can be servoed
 
 
-class Following:
+class FollowingCheck:
     """Compares recently commanded poses of the sensor with measured ones, see `apart`."""
 
     def __init__(self, distance: float):

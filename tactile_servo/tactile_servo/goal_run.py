@@ -8,7 +8,7 @@ import numpy as np
 from tactile_servo.clocks import CycleClock
 from tactile_servo.config import PRESS_DEPTH, ServoConfig
 from tactile_servo.control.press_check import most_doubted, most_unfelt, SLOPE_ERROR
-from tactile_servo.following import apart, Following
+from tactile_servo.following import apart, FollowingCheck
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Assessment, Goal, Reference, ServoLaw
 from tactile_servo.motion.motion import Motion, MotionStep
@@ -68,7 +68,7 @@ class GoalRun:
         self.hold = Hold(Phase.APPROACH, Reason(ReasonCode.NONE), -np.inf)
         self._config, self._law, self._inputs, self._motion = config, law, inputs, motion
         self._way = NormalWay(config, goal, law, inputs, motion)
-        self._following = Following(config.input.following_distance)
+        self._following = FollowingCheck(config.input.following_distance)
         self._longest = time_limits(config, goal)
         self._spent: dict[State, float] = defaultdict(float)
         self._paused, self._outcome = False, self.reason

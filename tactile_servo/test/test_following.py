@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_servo.following import Following, LATE
+from tactile_servo.following import FollowingCheck, LATE
 from tactile_servo.motion.inverse import ROTATION_LENGTH
 from tactile_servo.reasons import ReasonCode
 
@@ -21,7 +21,7 @@ def pose(x=0.0, angle=0.0):
 
 def problem_of(commanded, measured, seconds=1.0):
     """Time and reason of the first problem of two poses over time, or None."""
-    following = Following(DISTANCE)
+    following = FollowingCheck(DISTANCE)
     for k in range(round(seconds / PERIOD)):
         now = k * PERIOD
         reason = following.problem(measured(now), now)
@@ -73,7 +73,7 @@ def test_what_is_not_finite_does_not_follow():
 
 
 def test_a_new_start_forgets():
-    following = Following(DISTANCE)
+    following = FollowingCheck(DISTANCE)
     following.sent(0.0, pose(1.0), pose())
     assert following.problem(pose(), 0.0) is not None
     following.reset()

@@ -14,7 +14,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.surface_filter import SurfaceFilter
-from tactile_servo.control.surface_path import Line, PlanarPath, raster, spiral
+from tactile_servo.control.surface_path import PlanarPath, raster, SectionPath, spiral
 from tactile_servo.conversions import surface_goal_from_msg, touch_to_msg
 from tactile_servo.law import Observation, Teachable, Touch
 from tactile_servo.laws.registry import LAWS, make_law
@@ -103,13 +103,13 @@ def test_an_edge_is_a_surprise():
 
 
 def test_a_line_goes_round_a_cylinder_in_its_plane_and_leads_back_to_it():
-    path = Line(np.array([0.0, 0.0, 0.03]), DOWN, np.array([1.0, 0.0, 5.0]))
+    path = SectionPath(np.array([0.0, 0.0, 0.03]), DOWN, np.array([1.0, 0.0, 5.0]))
     for angle in np.linspace(0.0, 2.5, 9):
         normal = -np.array([np.sin(angle), 0.0, np.cos(angle)])
         step = path.step(-0.03 * normal, normal, 10.0, 0.05)
         assert step.way == pytest.approx([np.cos(angle), 0.0, -np.sin(angle)], abs=1e-9)
     assert path.step(np.zeros(3), np.array([0.0, 1.0, 0.0]), 10.0, 0.05) is None
-    path = Line(np.zeros(3), DOWN, np.array([1.0, 0.0, 0.0]))
+    path = SectionPath(np.zeros(3), DOWN, np.array([1.0, 0.0, 0.0]))
     assert path.step(np.array([0.01, 1e-3, 0.0]), DOWN, 10.0, 0.05).way[1] < -0.1
     assert path.step(np.array([0.01, -1e-3, 0.0]), DOWN, 10.0, 0.05).way[1] > 0.1
 

@@ -13,7 +13,7 @@ from tactile_common.npz_stream import clear_errors, read_arrays
 from tactile_shape.contour.contact_path import ContactPath
 
 if TYPE_CHECKING:
-    from tactile_sensing.observations import Observation
+    from tactile_sensing.observations import BagMessage
 
 NEEDED = ('contact', 'sensor_pose')  # topics; 'image' (bends and ends of edges) may be missing
 SETTINGS = ('finger_radius', 'position_noise', 'normal_noise', 'location_noise')
@@ -105,7 +105,7 @@ def _from_bag(path: Path, namespace: str | None, finger_radius: float) -> Contac
     return ContactRecording(*map(np.array, zip(*rows, strict=True)))
 
 
-def _place_contacts(observations: Iterable['Observation'], finger_radius: float) -> list[tuple]:
+def _place_contacts(observations: Iterable['BagMessage'], finger_radius: float) -> list[tuple]:
     """Return time, position, normal and edge of each contact; NaN marks a loss of contact."""
     path, lost, nowhere = ContactPath(finger_radius), True, np.full(3, np.nan)
     rows: list[tuple] = []

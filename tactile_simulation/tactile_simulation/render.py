@@ -9,7 +9,7 @@ from tactile_sensing.skin.bumps import coefficients_of, value_of
 from tactile_sensing.skin.kernel import polynomials
 from tactile_sensing.skin.pressure import split_tactel
 from tactile_sensing.types.array import TactelArray
-from tactile_simulation.sensor import Skin
+from tactile_simulation.sensor import SceneSkin
 
 # Chords up to this length are replaced by a point load at their middle [depths of the skin].
 SHORT = 0.125
@@ -20,7 +20,7 @@ GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(3)
 WEIGHTS /= 2.0  # their sum is 1
 
 
-def render(points: np.ndarray, array: TactelArray, skin: Skin,
+def render(points: np.ndarray, array: TactelArray, skin: SceneSkin,
            solid: np.ndarray | None = None, area: float = 0.0) -> np.ndarray:
     """
     Return the pressure (rows, columns) under a rigid edge that indents the skin [Pa].
@@ -48,7 +48,7 @@ def render(points: np.ndarray, array: TactelArray, skin: Skin,
     return pressure
 
 
-def force_on(points: np.ndarray, array: TactelArray, skin: Skin,
+def force_on(points: np.ndarray, array: TactelArray, skin: SceneSkin,
              solid: np.ndarray | None = None) -> float:
     """Return the force of an edge on the rectangle of an array [N]; arguments as of `render`."""
     starts, chords = _loaded(points, solid, array.half_width_x, array.half_width_y)
@@ -78,7 +78,7 @@ def _loaded(points: np.ndarray, solid: np.ndarray | None, half_x: float,
 
 
 def _point_loads(starts: np.ndarray, chords: np.ndarray,
-                 skin: Skin) -> tuple[np.ndarray, np.ndarray]:
+                 skin: SceneSkin) -> tuple[np.ndarray, np.ndarray]:
     """Return the places (L, 2) [m] and loads (L,) [N] of the Gauss points of chords."""
     length = np.linalg.norm(chords, axis=1)
     count = np.maximum(np.ceil(length / (PANEL * skin.depth)), 1).astype(int)
@@ -93,7 +93,7 @@ def _point_loads(starts: np.ndarray, chords: np.ndarray,
 
 
 @lru_cache(maxsize=16)
-def _point_shape(skin: Skin, size_x: float, size_y: float) -> tuple[np.ndarray, np.ndarray]:
+def _point_shape(skin: SceneSkin, size_x: float, size_y: float) -> tuple[np.ndarray, np.ndarray]:
     """Return a point load's shape (see `skin.kernels`) and a tactel's sample points (N, 2)."""
     side, nodes = 0.0, np.zeros((1, 2))
     if size_x > 0.0 and size_y > 0.0:

@@ -24,9 +24,9 @@ from tactile_sensing.dome.finite_elements import SkinConfig
 from tactile_sensing.dome.geometry import Dome
 from tactile_simulation.edge_path import EdgePath, lifted, walk
 from tactile_simulation.edge_world import EdgeScene, Slip, Start
-from tactile_simulation.sensor import Sensor, Skin
-from tactile_simulation.surface_objects import Placed, SolidObject, StepShape, Torus
-from tactile_simulation.surface_world import SENSOR, SurfaceScene, SurfaceStart, Touch
+from tactile_simulation.sensor import SceneSkin, Sensor
+from tactile_simulation.surface_objects import PlacedObject, SolidObject, StepShape, Torus
+from tactile_simulation.surface_world import SENSOR, SurfaceScene, SurfaceStart, TouchedObject
 from tactile_simulation.world import Plant, Scene
 
 MAX_LENGTH = 10.0  # m, of a coordinate or a part
@@ -44,8 +44,8 @@ SHAPES: dict[str, tuple[Callable[..., SolidObject], tuple[str, ...], tuple[str, 
 
 # Optional sections of a scene's file, by what is touched; all but `slip` have defaults.
 SECTIONS: dict[str, dict[str, type]] = {
-    'edge': {'skin': Skin, 'sensor': Sensor, 'start': Start, 'plant': Plant, 'slip': Slip},
-    'surface': {'touch': Touch, 'probe': Dome, 'rubber': SkinConfig, 'sensor': Sensor,
+    'edge': {'skin': SceneSkin, 'sensor': Sensor, 'start': Start, 'plant': Plant, 'slip': Slip},
+    'surface': {'touch': TouchedObject, 'probe': Dome, 'rubber': SkinConfig, 'sensor': Sensor,
                 'start': SurfaceStart, 'plant': Plant}}
 
 
@@ -123,7 +123,7 @@ def _scene(tree: Any, path: Path) -> Scene:
     return EdgeScene(edge=_edge(values[body]), **parts)
 
 
-def _surface(tree: Any) -> Placed:
+def _surface(tree: Any) -> PlacedObject:
     kind, rest = _one_of(tree, 'surface', SHAPES)
     placed = _mapping(rest, 'surface', ('top',), ('heading',))
     heading = _number('surface.heading', placed.get('heading', 0.0), -360.0, 360.0, 'degrees')
@@ -132,16 +132,16 @@ def _surface(tree: Any) -> Placed:
     smallest = -1.0 if kind == 'step' else 1e-4
     shape = make(**{key: _number(f'surface.{kind}.{key}', value, smallest, MAX_LENGTH)
                     for key, value in sizes.items()})
-    return Placed(shape, _lengths('surface.top', placed['top'], 3), math.radians(heading))
+    return PlacedObject(shape, _lengths('surface.top', placed['top'], 3), math.radians(heading))
 
 
-def _scaled(sensor: Sensor, given: Mapping[str, Any], skin: Skin) -> Sensor:
+def _scaled(sensor: Sensor, given: Mapping[str, Any], skin: SceneSkin) -> Sensor:
     """Scale range and noise, if not given, to the peak of 5 N on the pad of a given array."""
     if not given.keys() & {'rows', 'columns', 'pitch_x', 'pitch_y'}:
         return sensor
     # (3.1): the peak of a line load is proportional to the load per length and to 1 / depth.
     usual = Sensor()
-    share = (Skin.depth * usual.array.size_y) / (skin.depth * sensor.array.size_y)
+    share = (SceneSkin.depth * usual.array.size_y) / (skin.depth * sensor.array.size_y)
     return replace(sensor, **{key: share * getattr(usual, key)
                               for key in ('noise_std', 'pa_per_count') if key not in given})
 

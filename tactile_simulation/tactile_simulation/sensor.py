@@ -8,11 +8,11 @@ from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.skin import Skin as LayerSkin
+from tactile_sensing.types.skin import Skin
 
 
 @dataclass(frozen=True)
-class Skin:
+class SceneSkin:
     """Soft layer above the tactels."""
 
     depth: float = bounded(0.002, 'of the tactels below the surface', 'm', 1e-5, 0.1)
@@ -30,9 +30,9 @@ class Skin:
             raise ConfigurationError(f'skin.{error}') from error
 
     @property
-    def layer(self) -> LayerSkin:
+    def layer(self) -> Skin:
         """The skin without its stiffness."""
-        return LayerSkin(self.depth, self.thickness or math.inf, self.poisson)
+        return Skin(self.depth, self.thickness or math.inf, self.poisson)
 
 
 @dataclass(frozen=True)

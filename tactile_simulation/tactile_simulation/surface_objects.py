@@ -31,7 +31,7 @@ def nearest_point(solid: SolidObject, point: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedObject:
     """An object placed in the base frame by its first contact and the heading of its x axis."""
 
     shape: SolidObject  # in its own frame: z inward, the first contact at the origin

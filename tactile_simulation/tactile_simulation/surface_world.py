@@ -11,8 +11,8 @@ from tactile_sensing.dome.finite_element_model import FiniteElementDome, superpo
 from tactile_sensing.dome.finite_elements import operator_for, SkinConfig
 from tactile_sensing.dome.geometry import contact_frame, Dome
 from tactile_simulation.metrics import largest, NAN, rms
-from tactile_simulation.sensor import Sensor, Skin
-from tactile_simulation.surface_objects import nearest_point, normal_at, Placed
+from tactile_simulation.sensor import SceneSkin, Sensor
+from tactile_simulation.surface_objects import nearest_point, normal_at, PlacedObject
 from tactile_simulation.world import Course, Scene, World
 
 # 15 N on a sphere of the probe's own size do not saturate it.
@@ -23,7 +23,7 @@ TOUCHING = 0.05  # share of the target force, above which there is contact
 
 
 @dataclass(frozen=True)
-class Touch:
+class TouchedObject:
     """Mechanical properties of the touched object."""
 
     friction: float = bounded(0.0, 'coefficient of Coulomb friction with the skin', '', 0.0, 3.0)
@@ -48,16 +48,16 @@ class SurfaceScene(Scene):
     """An object and the round probe that touches it; the driver knows its skin by its depth."""
 
     action = 'track_surface'
-    surface: Placed
-    touch: Touch = field(default_factory=Touch)
+    surface: PlacedObject
+    touch: TouchedObject = field(default_factory=TouchedObject)
     dome: Dome = field(default_factory=Dome)
     rubber: SkinConfig = field(default_factory=SkinConfig)
     start: SurfaceStart = field(default_factory=SurfaceStart)
-    skin: Skin = field(init=False)
+    skin: SceneSkin = field(init=False)
     sensor: Sensor = field(default=SENSOR, kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, 'skin', Skin(depth=self.dome.depth))
+        object.__setattr__(self, 'skin', SceneSkin(depth=self.dome.depth))
 
     def parameters(self) -> dict[str, dict[str, Any]]:
         """Return the probe's radius, and moments: no flat-pad model fits its contacts."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from tactile_common.config import bounded
 from tactile_sensing.devices.calibration import Calibration, load_calibration, save_calibration
-from tactile_simulation.sensor import Sensor, Skin, TactelResponse
+from tactile_simulation.sensor import SceneSkin, Sensor, TactelResponse
 
 ACQUISITION_DELAY = 0.0025  # s, from the instant that a frame shows to its last byte
 MAX_LOAD = 40.0  # N, that the sensor bears
@@ -92,7 +92,7 @@ class Scene(ABC):
     name: str
     description: str
     _: KW_ONLY
-    skin: Skin = field(default_factory=Skin)
+    skin: SceneSkin = field(default_factory=SceneSkin)
     sensor: Sensor = field(default_factory=Sensor)
     plant: Plant = field(default_factory=Plant)
     # Calibration for the driver; None: derived from the scene, without the sensor's flaws.

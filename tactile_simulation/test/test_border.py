@@ -7,7 +7,7 @@ from tactile_sensing.contact.ridge import ridge_points
 from tactile_sensing.types.array import TactelArray
 from tactile_servo.edge_map.border import coming_length
 from tactile_simulation.render import render
-from tactile_simulation.sensor import Skin
+from tactile_simulation.sensor import SceneSkin
 
 PAD = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
 HALF, DEPTH, NOISE, PRESSED = 0.0127, 0.002, 630.0, -1e-3
@@ -18,7 +18,7 @@ def coming(*ways, noise=NOISE, seed=0):
     pressure = noise * np.random.default_rng(seed).standard_normal(PAD.shape)
     for way in ways:
         way = np.asarray(way, dtype=float)
-        pressure += render(np.column_stack([way, np.full(len(way), PRESSED)]), PAD, Skin())
+        pressure += render(np.column_stack([way, np.full(len(way), PRESSED)]), PAD, SceneSkin())
     return coming_length(pressure, PAD.x, PAD.y, ridge_points(pressure, PAD, noise, DEPTH), noise,
                          DEPTH)
 

@@ -13,7 +13,7 @@ from tactile_servo.edge_map.records import CLOUD_POINT, nodes_of
 from tactile_servo.edge_map.traced_path import DENIALS, TracedPath
 from tactile_simulation.edge_path import walk
 from tactile_simulation.render import render
-from tactile_simulation.sensor import Skin
+from tactile_simulation.sensor import SceneSkin
 
 PAD = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16)
 DEPTH, NOISE = 0.002, 630.0
@@ -23,7 +23,7 @@ def picture_of(turn, radius, vertex, seed=0, place=(0.0, 0.0), yaw=0.0):
     """Picture of a corner of the sensor frame, arriving along +y."""
     side = 0.05 - radius * math.tan(0.5 * abs(turn)), 0.0
     plan = walk(vertex - [0, 0.05], 0.5 * math.pi, [side, (radius * abs(turn), turn), side])
-    pressure = render(np.column_stack([plan, np.full(len(plan), -1e-3)]), PAD, Skin())
+    pressure = render(np.column_stack([plan, np.full(len(plan), -1e-3)]), PAD, SceneSkin())
     pressure += NOISE * np.random.default_rng(seed).standard_normal(pressure.shape)
     return Picture(pressure, PAD, DEPTH, NOISE, pose_at(place, yaw))
 

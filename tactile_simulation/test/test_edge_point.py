@@ -16,11 +16,11 @@ from tactile_sensing.types.image import Layer, TactileImage
 from tactile_shape.contour.contact_path import locate, needs_picture
 from tactile_shape.contour.edge_point import edge_point
 from tactile_simulation.render import render
-from tactile_simulation.sensor import Skin
+from tactile_simulation.sensor import SceneSkin
 
 PITCH = 0.0254 / 16
 PAD = TactelArray(16, 16, PITCH, PITCH)
-SKIN = Skin()
+SKIN = SceneSkin()
 PRESS = 8e-4  # m
 NOISE = 630.0  # Pa
 

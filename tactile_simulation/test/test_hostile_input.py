@@ -29,7 +29,7 @@ from tactile_servo.reasons import GoalRefused, ReasonCode
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import EdgeGoal, State, TRACKING
 from tactile_simulation.render import force_on, render
-from tactile_simulation.sensor import Skin
+from tactile_simulation.sensor import SceneSkin
 
 SEQUENCES = int(os.environ.get('HOSTILE_SEQUENCES', '0'))
 PERIOD_NS = 2_500_000
@@ -70,7 +70,7 @@ def picture(kind, seed, noise_std, tared, array, frame):
         depth = 0.01 if kind == 'saturated' else rng.uniform(0, 2e-3)
         points = np.column_stack([rng.uniform(-0.02, 0.02, (corners, 2)),
                                   np.full(corners, -depth)])
-        stress += render(points, ARRAY, Skin())
+        stress += render(points, ARRAY, SceneSkin())
     elif kind in ('blob', 'heavy'):
         stress += 1e5 if kind == 'blob' else 100.0 / 0.0254**2
     elif kind == 'noise':
@@ -158,7 +158,7 @@ class Watched:
             state = np.array([*DOME.place(turned), force, 0.0, 0.0])
             return HalfSpaceDome(DOME, ARRAY).image(state)[0] / 0.85, force
         points = (self.edge - pose[:3, 3]) @ pose[:3, :3]
-        return render(points, ARRAY, Skin()), force_on(points, ARRAY, Skin())
+        return render(points, ARRAY, SceneSkin()), force_on(points, ARRAY, SceneSkin())
 
     def feed(self, contact='true', image='true', joints='follow', late_contact=0, late_image=0,
              late_joints=0):

@@ -12,12 +12,12 @@ from tactile_sensing.types.array import TactelArray
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.edge_world import EdgeScene, EdgeWorld, Start
 from tactile_simulation.render import force_on, render
-from tactile_simulation.sensor import Sensor, Skin
+from tactile_simulation.sensor import SceneSkin, Sensor
 from tactile_simulation.world import write_calibration
 
 PITCH = 0.0254 / 16
 PAD = TactelArray(16, 16, PITCH, PITCH)
-SKIN = Skin(0.002, 2e5)
+SKIN = SceneSkin(0.002, 2e5)
 
 
 def segment_pressure(array, depth, start, end, load_start, load_end):
@@ -51,7 +51,7 @@ def line_points(rho, yaw, indentation, reach=0.1):
 @pytest.mark.parametrize('depth', [0.001, 0.002, 0.004])
 @pytest.mark.parametrize('rho, yaw', [(0, 0), (0.003, 0.3), (-0.006, -0.7), (0.002, 1.5)])
 def test_long_straight_edge_is_a_line_load(depth, rho, yaw):
-    pressure = render(line_points(rho, yaw, 0.001), PAD, Skin(depth, 2e5))
+    pressure = render(line_points(rho, yaw, 0.001), PAD, SceneSkin(depth, 2e5))
     expected = line_pressure(PAD.x, PAD.y[:, None], rho, yaw, 200.0, depth)
     np.testing.assert_allclose(pressure, expected, atol=5e-4 * 2 * 200.0 / (math.pi * depth))
 
@@ -115,10 +115,10 @@ def test_no_touch_no_pressure(points):
 def test_scales_with_stiffness_and_size():
     points = line_points(0.001, 0.2, 0.001)
     once, force = render(points, PAD, SKIN), force_on(points, PAD, SKIN)
-    twice = points, PAD, Skin(0.002, 4e5)
+    twice = points, PAD, SceneSkin(0.002, 4e5)
     np.testing.assert_allclose(render(*twice), 2 * once)
     assert force_on(*twice) == pytest.approx(2 * force)
-    small = 0.5 * points, TactelArray(16, 16, PITCH / 2, PITCH / 2), Skin(0.001, 2e5)
+    small = 0.5 * points, TactelArray(16, 16, PITCH / 2, PITCH / 2), SceneSkin(0.001, 2e5)
     np.testing.assert_allclose(render(*small), once)
     assert force_on(*small) == pytest.approx(force / 4)
 
@@ -168,7 +168,7 @@ def test_noise_has_its_size_and_repeats_with_the_seed():
 
 @pytest.mark.parametrize('thickness, area', [(0.0, 1.0), (0.004, 0.0), (0.004, 1.0)])
 def test_edge_on_a_backing_with_area_tactels_is_a_line(thickness, area):
-    skin = Skin(0.002, thickness=thickness, poisson=0.45)
+    skin = SceneSkin(0.002, thickness=thickness, poisson=0.45)
     pressure = render(line_points(1e-3, 0.3, 0.001), PAD, skin, area=area)
     expected = SkinPressure(skin.layer, area * PAD.pitch_x, area * PAD.pitch_y).line(
         PAD.x, PAD.y[:, None], 1e-3, 0.3, 0.001 * skin.stiffness)
@@ -177,13 +177,13 @@ def test_edge_on_a_backing_with_area_tactels_is_a_line(thickness, area):
 
 def test_a_deep_backing_is_none():
     points = line_points(-2e-3, 0.6, 0.001)
-    without, thick = (render(points, PAD, Skin(0.002, thickness=it)) for it in (0.0, 1.0))
+    without, thick = (render(points, PAD, SceneSkin(0.002, thickness=it)) for it in (0.0, 1.0))
     np.testing.assert_allclose(thick, without, atol=1e-3 * without.max())
 
 
 def told(**sensor):
     edge = EdgePath([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
-    return EdgeScene('pad', '', edge, skin=Skin(0.003, 1e5), start=Start(height=-0.001),
+    return EdgeScene('pad', '', edge, skin=SceneSkin(0.003, 1e5), start=Start(height=-0.001),
                  sensor=Sensor(noise_std=0.0, **sensor))
 
 

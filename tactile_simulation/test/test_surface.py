@@ -27,11 +27,11 @@ from tactile_simulation.scene import load_scene
 from tactile_simulation.surface_objects import (
     nearest_point,
     normal_at,
-    Placed,
+    PlacedObject,
     StepShape,
     Torus,
 )
-from tactile_simulation.surface_world import SurfaceScene, SurfaceStart, Touch
+from tactile_simulation.surface_world import SurfaceScene, SurfaceStart, TouchedObject
 
 SCENES = Path(__file__).parents[2] / 'launch/scenes/surfaces'
 TOP = (0.3, 0.0, 0.1)
@@ -43,7 +43,7 @@ OBJECTS = {'sphere': SPHERE, 'cylinder': CYLINDER, 'plane': PLANE, 'torus': Toru
 
 def scene_of(shape, **parts):
     """Scene of an object that is turned by some angle."""
-    return SurfaceScene('test', 'test', Placed(shape, TOP, 0.3), rubber=COARSE,
+    return SurfaceScene('test', 'test', PlacedObject(shape, TOP, 0.3), rubber=COARSE,
                         **{'start': NEAR, **parts})
 
 
@@ -86,7 +86,7 @@ def test_noise_of_a_large_pad_is_no_touch(seed):
 @pytest.mark.parametrize('name', OBJECTS)
 def test_distances_are_distances(name):
     # |gradient| is 1 and the nearest point is as far away as the distance says.
-    solid, rng = Placed(OBJECTS[name], TOP, 0.3), np.random.default_rng(0)
+    solid, rng = PlacedObject(OBJECTS[name], TOP, 0.3), np.random.default_rng(0)
     points = np.array(TOP) + rng.uniform(-0.02, 0.03, (200, 3))
     distances = solid.distance(points)
     assert (distances < 0).any() and (distances > 0).any()
@@ -99,7 +99,7 @@ def test_distances_are_distances(name):
 
 def test_objects_are_where_they_are_said_to_be():
     for shape in (SPHERE, CYLINDER, PLANE):
-        solid = Placed(shape, TOP, 0.3)
+        solid = PlacedObject(shape, TOP, 0.3)
         assert solid.distance(np.array([TOP]))[0] == pytest.approx(0.0, abs=1e-12)
         assert normal_at(solid, np.array(TOP)) == pytest.approx([0, 0, 1], abs=1e-3)
     up = StepShape(0.002, 0.02)  # x along, z inward
@@ -186,7 +186,7 @@ def test_a_raster_covers_its_rectangle():
 
 
 def test_a_fragile_object_stays_whole():
-    scene = scene_of(SPHERE, touch=Touch(fragile=2.5))
+    scene = scene_of(SPHERE, touch=TouchedObject(fragile=2.5))
     _, summary = follow(scene, line(0.03, force=1.5))
     assert summary['ok'] and not summary['broken'] and summary['force_max'] < 2.5
 

@@ -32,7 +32,7 @@ _KINDS = {int(Call.SENSOR): 'sensor_info', int(Call.JOINTS): 'joint_states',
 
 
 @dataclass
-class Cycle:
+class RecordedCycle:
     """A control cycle: its time and the decision of the servo."""
 
     now: float  # steady [s]
@@ -57,7 +57,7 @@ class ServoCore:
         self._pose.header.frame_id = self._model.root_frame
         self._status.header.frame_id = c.tip_frame
         self._maps = law.maps_surface
-        self._cycle: Cycle | None = None
+        self._cycle: RecordedCycle | None = None
         self._news: Any = None  # last state and reason
         self._due = 0  # number of the next call
         self._lost_calls, self._lost = 0, Counter[str]()  # not recorded: calls; inputs by topic
@@ -106,7 +106,7 @@ class ServoCore:
                 self._see(call, time, value, at)
             elif call == Call.CYCLE:
                 self._end_cycle(at)
-                self._cycle = Cycle(time, value, *self.servo.cycle(time, value))
+                self._cycle = RecordedCycle(time, value, *self.servo.cycle(time, value))
             elif call == Call.STATUS and self._cycle:
                 self._cycle.published = True
             elif call == Call.LATE and self._cycle and self._cycle.window:

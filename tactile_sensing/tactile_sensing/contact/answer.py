@@ -1,8 +1,8 @@
 """
 Compute the answers for images from their readings; compiled.
 
-The entry point takes a Sensor as plain tuples, because numba determines the type of a named tuple
-in Python at each call.
+The entry point takes a KnownSensor as plain tuples, because numba determines the type of a named
+tuple in Python at each call.
 """
 
 import math
@@ -51,7 +51,7 @@ NONE, IS_POINT, IS_LINE, OTHER = (int(kind) for kind in (
 X, Y, YAW, NORMAL, SHEAR_X, SHEAR_Y, PER_LENGTH = ROW
 
 
-class Sensor(NamedTuple):
+class KnownSensor(NamedTuple):
     """Known properties of the readings; arrays have one value per layer (L,)."""
 
     pad: Pad
@@ -64,13 +64,13 @@ class Sensor(NamedTuple):
     force_std: float  # relative standard deviation that all forces have in common
 
 
-def plain(sensor: Sensor) -> tuple:
+def plain(sensor: KnownSensor) -> tuple:
     """Convert a Sensor to the plain tuples that the entry points take."""
     return tuple(sensor.pad), *sensor[1:]
 
 
 @njit(error_model='numpy')
-def _examine(frame: np.ndarray, known: Sensor, saturated: int, noise: np.ndarray,
+def _examine(frame: np.ndarray, known: KnownSensor, saturated: int, noise: np.ndarray,
              full: np.ndarray, floor: np.ndarray, record: Any) -> float:
     """
     Write the fields that need no fit; return the highest reading, or 0 without a load to fit.
@@ -189,7 +189,7 @@ def _report(pad: Pad, one: Hypothesis, force_std: float, record: Any) -> None:
 
 
 @njit(error_model='numpy', inline='always')
-def _answer(frame: np.ndarray, known: Sensor, saturated: int, kinds: np.ndarray,
+def _answer(frame: np.ndarray, known: KnownSensor, saturated: int, kinds: np.ndarray,
             record: Any) -> int:
     """Write the answer for one image; return the options of the fit (see `beliefs`)."""
     pad, main, size, shape = known.pad, known.main, frame[0].size, frame.shape
@@ -260,7 +260,7 @@ def answer(frames: np.ndarray, sensor: tuple, saturated: int, kinds: np.ndarray,
     int
         Options of the last fit, see `beliefs`.
     """
-    known, options = Sensor(Pad(*sensor[0]), *sensor[1:]), 0
+    known, options = KnownSensor(Pad(*sensor[0]), *sensor[1:]), 0
     for i in range(len(frames)):
         options = _answer(frames[i], known, saturated, kinds, records[i])
     return options

@@ -9,7 +9,7 @@ import numpy as np
 
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.contact.answer import answer, MIN_SNR, plain, Sensor
+from tactile_sensing.contact.answer import answer, KnownSensor, MIN_SNR, plain
 from tactile_sensing.contact.beliefs import ENDS, PATCH, POWER
 from tactile_sensing.contact.noise import noise_of_image
 from tactile_sensing.skin.bumps import LINE, POINT
@@ -135,7 +135,7 @@ class ContactEstimator:
             poisson=float(layers[main].poisson))
         known = layers[main]
         noises = np.array([max(config.noise_std or it.noise_std, 0.0) for it in layers], float)
-        sensor = plain(Sensor(
+        sensor = plain(KnownSensor(
             pad, main, noises,
             np.array([it.full_scale or np.inf for it in layers]),
             np.array([it.floor or -np.inf for it in layers]), float(known.gain_spread),

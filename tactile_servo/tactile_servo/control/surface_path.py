@@ -11,10 +11,10 @@ SPACING = 2.5e-4  # m between the points of a planned path
 SEARCHED = 5e-3  # m ahead of its last station, within which the probe is searched on its path
 LEAD = 5e-4  # m, least distance ahead of the probe of the point that it moves towards
 ARRIVED = 2e-4  # m before the end of a path at which it is complete
-STEEP = 0.2  # smallest cosine between the normal and the first normal, or the plane of a Line
+STEEP = 0.2  # smallest cosine between the normal and the first normal, or the plane of a path
 
 
-class Step(NamedTuple):
+class PathStep(NamedTuple):
     """Direction of travel and largest speed at a contact."""
 
     way: np.ndarray  # (3,), unit vector in the surface
@@ -22,7 +22,7 @@ class Step(NamedTuple):
     left: float  # remaining length of the path [m], infinite if it has no end
 
 
-class Line:
+class SectionPath:
     """
     Path in the plane of a direction and the first normal; it can go round a cylinder.
 
@@ -34,7 +34,7 @@ class Line:
         self._across = _unit(np.cross(normal, _tangent(direction, normal)))
 
     def step(self, point: np.ndarray, normal: np.ndarray, gain: float,
-             speed: float) -> Step | None:
+             speed: float) -> PathStep | None:
         """
         Compute the next step from a contact; None if the surface is almost parallel to the plane.
 
@@ -46,8 +46,8 @@ class Line:
         if size < STEEP:
             return None
         back = clipped(gain * ((point - self._start) @ across) / max(speed, 1e-3), -0.5, 0.5)
-        return Step(_unit(way / size - back * (across - normal * (normal @ across))),
-                    math.inf, math.inf)
+        return PathStep(_unit(way / size - back * (across - normal * (normal @ across))),
+                        math.inf, math.inf)
 
 
 class PlanarPath:
@@ -65,8 +65,8 @@ class PlanarPath:
         self._tops = _speeds(self._plan, stations, acceleration)
 
     def step(self, point: np.ndarray, normal: np.ndarray, gain: float,
-             speed: float) -> Step | None:
-        """Compute the next step, as `Line.step`; None where the surface is too steep."""
+             speed: float) -> PathStep | None:
+        """Compute the next step, as `SectionPath.step`; None where the surface is too steep."""
         ahead, aside, inward = self._frame
         facing = float(inward @ normal)
         if facing < STEEP:
@@ -82,11 +82,11 @@ class PlanarPath:
         flat = u * ahead + v * aside
         way = flat - inward * ((flat @ normal) / facing)  # as seen along the first normal
         left = self._stations[-1] - self._station
-        return Step(_unit(way), float(np.interp(self._station, self._stations, self._tops)),
-                    0.0 if left < ARRIVED else left)
+        return PathStep(_unit(way), float(np.interp(self._station, self._stations, self._tops)),
+                        0.0 if left < ARRIVED else left)
 
 
-SurfacePath = Line | PlanarPath
+SurfacePath = SectionPath | PlanarPath
 
 
 def raster(size_x: float, size_y: float, step_over: float) -> np.ndarray:

@@ -41,7 +41,7 @@ class PathEnd(Enum):
     CLOSED = 'it has met its start'
 
 
-class Piece(NamedTuple):
+class PathPart(NamedTuple):
     """Part of a path: its first node, and its corner if the part is one."""
 
     first: int
@@ -105,7 +105,7 @@ class TracedPath:
             # A few nodes where the ridge faded do not show that it continues, or where.
             nodes, pieces, self.end = head, [], PathEnd.RIDGE
         self.nodes, stations = nodes, nodes['station']
-        for piece, after in pairwise([*pieces, Piece(len(nodes))]):
+        for piece, after in pairwise([*pieces, PathPart(len(nodes))]):
             if piece.corner is not None:
                 piece.corner.entry = stations[piece.first - 1]
                 piece.corner.leave = stations[after.first - 1]
@@ -116,7 +116,7 @@ class TracedPath:
             measure(self.nodes, len(self.nodes) - 1)
 
     def _trace_on(self, cloud: np.ndarray, picture: Picture, head: np.ndarray,
-                  station: float) -> tuple[np.ndarray, list[Piece]]:
+                  station: float) -> tuple[np.ndarray, list[PathPart]]:
         """Add the legs, corners and gaps that follow; return nodes and pieces."""
         nodes, pieces, left, corners = head, [], self._ahead, self._to_come(station)
         self.end = PathEnd.VIEW
@@ -127,14 +127,14 @@ class TracedPath:
                                       self.scale.depth)
             nodes = retyped(grown)
             if len(nodes) > first:
-                pieces.append(Piece(first))
+                pieces.append(PathPart(first))
             left -= (len(nodes) - first) * self._step
             last, first = nodes[-1:], len(nodes)
             if entered < 0:
                 jump = self._jump(cloud, picture, last) if left > 0.0 else None
                 if jump is None:
                     break
-                pieces.append(Piece(first))
+                pieces.append(PathPart(first))
                 left -= np.hypot(*(jump['place'][-1] - jump['place'][0]))
                 nodes = joined([nodes, jump])
             else:
@@ -144,7 +144,7 @@ class TracedPath:
                 ahead = (turn['place'] - last['place']) @ last['way'][0] > 0.0
                 turn = turn[int(ahead.argmax()):]
                 turn['z'] = last['z']
-                pieces.append(Piece(first, corner))
+                pieces.append(PathPart(first, corner))
                 left -= 2.0 * corner.reach
                 nodes = joined([nodes, turn])
             measure(nodes, first)
@@ -168,7 +168,7 @@ class TracedPath:
         return jump
 
     @staticmethod
-    def _trimmed(nodes: np.ndarray, pieces: list[Piece], height: float) -> np.ndarray:
+    def _trimmed(nodes: np.ndarray, pieces: list[PathPart], height: float) -> np.ndarray:
         """Remove the faded tip of a ridge that ends."""
         kept = pieces[0].first
         count = ends.faded(nodes[max(kept - 3 * TIP, 0):], height)
@@ -178,7 +178,7 @@ class TracedPath:
         return nodes
 
     def _find_corner(self, cloud: np.ndarray, picture: Picture, nodes: np.ndarray,
-                     pieces: list[Piece]) -> bool:
+                     pieces: list[PathPart]) -> bool:
         """Search for a corner in the last leg or beyond its end; return True if one was added."""
         if not pieces:
             return False

@@ -6,9 +6,9 @@ import math
 import numpy as np
 
 from tactile_servo.control.surface_path import (
-    Line,
     PlanarPath,
     raster,
+    SectionPath,
     seen_along,
     spiral,
     SurfacePath,
@@ -90,7 +90,7 @@ def plan_path(goal: SurfaceGoal, point: np.ndarray, normal: np.ndarray,
     """Return the path of a goal from its first contact (3,) and the inward normal (3,) there."""
     direction = np.array(goal.direction, dtype=float)
     if goal.pattern == Pattern.LINE:
-        return Line(point, normal, direction)
+        return SectionPath(point, normal, direction)
     if goal.pattern == Pattern.RASTER:
         plan = raster(*goal.size, goal.step_over)
     elif goal.pattern == Pattern.SPIRAL:

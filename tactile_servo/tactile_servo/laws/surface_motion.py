@@ -8,10 +8,10 @@ from tactile_servo.control.attitude_controller import AttitudeController, TURNIN
 from tactile_servo.control.force_controller import ForceController, INTEGRATED
 from tactile_servo.control.scaling import caution
 from tactile_servo.control.surface_filter import SurfaceFilter
-from tactile_servo.control.surface_path import Step
+from tactile_servo.control.surface_path import PathStep
 from tactile_servo.laws.surface_config import SurfaceConfig
 from tactile_servo.laws.surface_features import Felt, PadContact
-from tactile_servo.motion.motion import BENDING, Motion, Pace
+from tactile_servo.motion.motion import BENDING, JointPace, Motion
 
 # Share of the force:
 UNHEARD = 0.2  # largest increase by commanded motion that no joint state has confirmed
@@ -34,7 +34,7 @@ BRAKED, SLOWED = 0.8, 0.02  # for slowing down, and its least deceleration [m/s^
 # The turn accelerates as `speed.acceleration` asks for on a radius of 33 mm [rad/m]; speeding up
 # may use a share of it.
 TURNS, AT_ONCE = 30.0, 0.7
-STOP = Step(np.zeros(3), 0.0, math.inf)
+STOP = PathStep(np.zeros(3), 0.0, math.inf)
 
 
 class SurfaceMotion:
@@ -87,12 +87,12 @@ class SurfaceMotion:
         return np.concatenate([linear - np.cross(own, self._dome.centre), own])
 
     def pace(self, way: np.ndarray, normal: np.ndarray, commanded: np.ndarray,
-             robot: Motion) -> Pace:
+             robot: Motion) -> JointPace:
         """Return the pace that the joints allow along a direction (3,) at a normal (3,)."""
         course = self._twist(way, np.cross(normal, self._surface.bend @ way), commanded[:3, :3])
         return robot.along(course, self._speed, BENDING)
 
-    def advance(self, step: Step, felt: Felt, aim: PadContact, wanted: float, pace: Pace,
+    def advance(self, step: PathStep, felt: Felt, aim: PadContact, wanted: float, pace: JointPace,
                 dt: float) -> float:
         """
         Return the speed of the contact along a path [m/s], at most the wanted one.

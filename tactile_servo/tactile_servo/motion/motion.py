@@ -48,7 +48,7 @@ HELD_BACK = 0.05  # share of the wanted motion; with less realised, motion is pr
 BLOCKED_AFTER = 1.0  # time of prevented motion after which it counts as blocked [s]
 
 
-class Pace(NamedTuple):
+class JointPace(NamedTuple):
     """Speed and acceleration that the joints allow along a path."""
 
     speed: float  # m/s for a direction per metre, rad/s for a turn per radian
@@ -146,7 +146,7 @@ class Motion:
         """Return the acceleration of a turn about the normal that all joints allow [rad/s^2]."""
         return allowed_acceleration(self._now.jacobian, self._limits.acceleration, 5, 6)
 
-    def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> Pace:
+    def along(self, way: np.ndarray, speed: float = 0.0, bending: float = 1.0) -> JointPace:
         """
         Return the pace that all joints allow along `way`, a twist (6,) per unit of path.
 
@@ -161,7 +161,7 @@ class Motion:
                            np.sqrt(bending * limits.acceleration / bent)])
         kind, joint = np.unravel_index(speeds.argmin(), speeds.shape)
         most = float(((limits.acceleration - bent * speed**2) / moving).min())
-        return Pace(float(speeds[kind, joint]), max(most, 0.0), limits.name_of(kind, joint))
+        return JointPace(float(speeds[kind, joint]), max(most, 0.0), limits.name_of(kind, joint))
 
     def passing(self, way: np.ndarray) -> float:
         """

@@ -38,7 +38,7 @@ class Noise(NamedTuple):
     height: float  # in addition to position
 
 
-class Fit(NamedTuple):
+class CurvatureFit(NamedTuple):
     """Simplest model of the contacts; height and slope are in the frame `axes`."""
 
     kind: Kind  # NONE if the path is too short to show any curvature
@@ -161,7 +161,7 @@ class Fitter:
 
 
 def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
-                  axes: np.ndarray, noise: Noise) -> Fit:
+                  axes: np.ndarray, noise: Noise) -> CurvatureFit:
     """
     Fit the simplest model to contacts (m, 3), each the mean of `weights` (m,) samples.
 
@@ -187,8 +187,8 @@ def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
     # An unseen curvature does not become certain by the choice of a cylinder.
     covariance, seen = curvature_covariance(
         kind if count == 3 else Kind.GENERAL, information, main)
-    return Fit(kind, axes, flat[0], flat[1:], main, covariance, seen,
-               np.linalg.inv(information)[0, 0], residual, fitter.noise.position)
+    return CurvatureFit(kind, axes, flat[0], flat[1:], main, covariance, seen,
+                        np.linalg.inv(information)[0, 0], residual, fitter.noise.position)
 
 
 def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndarray, int]:

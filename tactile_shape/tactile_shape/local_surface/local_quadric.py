@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tactile_common.config import bounded, check_fields
-from tactile_shape.local_surface.curvature_fit import ENOUGH, Fit, fit_curvature, Noise
+from tactile_shape.local_surface.curvature_fit import CurvatureFit, ENOUGH, fit_curvature, Noise
 from tactile_shape.types.patch import (
     certain_enough,
     MAX_CURVATURE_STD,
@@ -163,7 +163,7 @@ class LocalQuadric(SurfaceEstimator):
             why = 'straight and along no principal direction: the curvature across is unseen'
         return self.refused(f'the path of {1e3 * extent:.2g} mm is {why}', **known)
 
-    def _best_fit(self) -> tuple[np.ndarray, Fit]:
+    def _best_fit(self) -> tuple[np.ndarray, CurvatureFit]:
         """Fit all cells, or only the newer half if the older cells lie on another surface."""
         cells, newer = self._cells, self._cells[(len(self._cells) + 1) // 2:]
         fit = self._fit(cells)
@@ -173,13 +173,13 @@ class LocalQuadric(SurfaceEstimator):
                 return newer, fit_of_newer
         return cells, fit
 
-    def _fit(self, cells: np.ndarray) -> Fit:
+    def _fit(self, cells: np.ndarray) -> CurvatureFit:
         return fit_curvature(
             cells[:, :3] - self._centre, cells[:, 3:6], np.minimum(cells[:, 6], MAX_WEIGHT),
             tangent_frame(self._normal), self._noise)
 
 
-def _frame(centre: np.ndarray, fit: Fit, radius: float) -> np.ndarray:
+def _frame(centre: np.ndarray, fit: CurvatureFit, radius: float) -> np.ndarray:
     """Return the contact frame's pose: fitted origin and normal, x along the first direction."""
     normal = fit.axes @ [-fit.slope[0], -fit.slope[1], 1.0]
     normal /= np.linalg.norm(normal)
