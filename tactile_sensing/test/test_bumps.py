@@ -14,7 +14,7 @@ ONE, TWO, SHEARED = (('zz', DEPTH),), (('zz', DEPTH), ('zz', 2 * DEPTH)), (
     ('zz', DEPTH), ('xz', DEPTH), ('yz', DEPTH))
 SHARP = [Q0, Q1, FORCE, bumps.SHEAR_U]
 STEPS = {Q0: 1e-7, Q1: 1e-7, bumps.BEGIN: 1e-7, bumps.END: 1e-7, WIDTH: 1e-5,
-         bumps.EXPONENT: 1e-5}  # forces: 1e-3
+         bumps.EXPONENT: 1e-5, bumps.BLUNT: 1e-5}  # forces: 1e-3
 
 
 def loaded(kind, layers=1, seed=0, **values):
@@ -75,6 +75,19 @@ def test_an_elongated_bump_is_that_of_stretched_distances():
     np.testing.assert_allclose(model, true.ravel(), rtol=1e-8)
 
 
+@pytest.mark.parametrize('blunt', [0.2, 0.75])
+def test_a_blunt_bump_is_a_compressed_one_of_the_same_half_width(blunt):
+    width, pad = 2.1e-3, pad_of(ARRAY, (('zz', 0.0),), area=False)
+    theta = loaded(POINT, WIDTH=np.log(width), BLUNT=blunt, SHEAR_U=0.0, SHEAR_V=0.0,
+                   EXPONENT=np.log(3.0), Q0=ARRAY.x[5] + width, Q1=ARRAY.y[4])
+    model = rows(POINT, True, pad, theta)[0].reshape(ARRAY.shape) / theta[FORCE]
+    assert model[4, 5] == pytest.approx(0.5, rel=1e-8)
+    theta[bumps.BLUNT], at_half = 0.0, ((2.0 - blunt) / (1.0 - blunt))**(1.0 / 3.0) - 1.0
+    theta[WIDTH] += 0.5 * np.log((2.0**(1.0 / 3.0) - 1.0) / at_half)
+    sharp = rows(POINT, True, pad, theta)[0].reshape(ARRAY.shape) / theta[FORCE]
+    np.testing.assert_allclose(model, sharp / (1.0 - blunt + blunt * sharp), rtol=1e-8)
+
+
 @pytest.mark.parametrize('seed', range(6))
 def test_a_line_is_that_of_the_half_space_on_tactels_of_some_area(seed):
     pad, theta = pad_of(ARRAY, ONE), loaded(LINE, seed=seed)
@@ -119,7 +132,7 @@ def test_a_tapered_line_is_a_row_of_points(seed):
 def test_derivatives_are_differences(kind, power, layers, ends, seed):
     pad, extra = pad_of(ARRAY, layers, thickness=4e-3 if layers == ONE else np.inf), {}
     if power:
-        extra |= {'WIDTH': np.log(2.3e-3), 'EXPONENT': np.log(3.1)}
+        extra |= {'WIDTH': np.log(2.3e-3), 'EXPONENT': np.log(3.1), 'BLUNT': 0.3}
         if kind == POINT:
             extra |= {'LONG_X': 0.2, 'LONG_XY': -0.3}
     else:
@@ -130,7 +143,7 @@ def test_derivatives_are_differences(kind, power, layers, ends, seed):
         extra |= {'TAPER': 1.7}
     theta = loaded(kind, len(layers), seed, **extra)
     model, by = rows(kind, power, pad, theta, ends=ends)
-    active = [*SHARP, bumps.SHEAR_V, WIDTH, *[bumps.EXPONENT] * power,
+    active = [*SHARP, bumps.SHEAR_V, WIDTH, *[bumps.EXPONENT, bumps.BLUNT] * power,
               *[bumps.BEGIN, bumps.END] * (ends or power and kind == POINT)]
     for parameter in active:
         step = np.zeros(theta.size)
@@ -160,7 +173,7 @@ def test_two_points_are_the_sum_of_both_and_their_derivatives_those_by_differenc
         return model, by
 
     first = theta.copy()
-    first[[bumps.Q2, bumps.Q3]] = 0.0
+    first[[bumps.Q2, bumps.Q3, bumps.SHARE]] = 0.0
     second = first.copy()
     second[[Q0, Q1]] = theta[[bumps.Q2, bumps.Q3]]
     model, by = image(theta)

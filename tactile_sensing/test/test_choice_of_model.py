@@ -482,7 +482,8 @@ def hertz(array, depth, halves, angle, place):
 
 
 @pytest.mark.parametrize('pitch, depth, halves', [
-    (4e-3, 2e-3, (7e-3, 4.5e-3)), (3e-3, 1.5e-3, (6e-3, 4e-3)), (2e-3, 1.5e-3, (4e-3, 2.5e-3))])
+    (4e-3, 2e-3, (7e-3, 4.5e-3)), (3e-3, 1.5e-3, (6e-3, 4e-3)), (2e-3, 1.5e-3, (4e-3, 2.5e-3)),
+    (1.6e-3, 2e-3, (4e-3, 3e-3))])  # the flat top of the last one shows
 def test_an_elongated_contact_as_of_a_finger_is_a_point_within_its_claim(pitch, depth, halves):
     rng, array = np.random.default_rng(1), TactelArray(12, 12, pitch, pitch)
     places = rng.uniform(-3.0 * pitch, 3.0 * pitch, (40, 2))

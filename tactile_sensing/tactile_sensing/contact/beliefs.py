@@ -9,6 +9,7 @@ from tactile_sensing.contact.records import Beliefs
 from tactile_sensing.skin.bumps import (
     BASE,
     BEGIN,
+    BLUNT,
     END,
     EXPONENT,
     FORCE,
@@ -34,11 +35,12 @@ HALF_SPACE = 2.5  # exponent of a point's bump on a half-space
 SHEAR = 0.3, 0.15  # standard deviation of a component of Q / P: known skin, unknown skin
 TAPER_SPREAD = 0.5  # standard deviation of taper / force of a line
 LONGER, LONGEST = 0.2, 0.6  # standard deviation and largest value of LONG_X and LONG_XY
+BLUNTER, BLUNTEST = 0.3, 0.75  # the same of BLUNT
 SCATTER = 0.05  # assumed scatter of unknown gains
 # Options, see `Beliefs`
-POWER, ENDS, ROBUST, PATCH, BASELINE, TAPERED, ELONGATED = 1, 2, 4, 8, 16, 32, 64
-# Log odds of a round point or a line that crosses the pad: against an elongated point, two points,
-# a line that ends or a border of a plate, which has two.
+POWER, ENDS, ROBUST, PATCH, BASELINE, TAPERED, ELONGATED, BLUNTED = 1, 2, 4, 8, 16, 32, 64, 128
+# Log odds of a usual point or a line that crosses the pad: against an elongated or blunt one, two
+# points, a line that ends or a border of a plate, which has two.
 RARE = 3.0
 APART = 0.055  # a higher unexplained pressure away from the load is a second load [of its peak]
 UNSEEN = 0.0, 0.05  # d where the residual does not show it: sharp load on a known skin, others
@@ -57,7 +59,7 @@ def widest(pad: Pad) -> float:
 def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
     """Return the priors and bounds of a load; `options` is a sum of the constants above."""
     power, ends, robust = options & POWER > 0, options & ENDS > 0, options & ROBUST > 0
-    patch, elongated = options & PATCH > 0, options & ELONGATED > 0
+    patch, shaped = options & PATCH > 0, options & (ELONGATED + BLUNTED) > 0
     count = BASE + pad.depths.size
     mean, information, step = np.zeros(count), np.zeros(count), np.ones(count)
     low, high, fitted = np.full(count, -np.inf), np.full(count, np.inf), np.zeros(count, np.bool_)
@@ -95,8 +97,11 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
         low[WIDTH], high[WIDTH] = math.log(0.3 * pad.pitch), math.log(widest(pad))
         low[EXPONENT], high[EXPONENT] = math.log(1.7), math.log(12.0)
         step[WIDTH], step[EXPONENT] = 0.25, 0.2
-        if elongated:
-            volume += RARE
+        volume += RARE * shaped
+        if options & BLUNTED:
+            fitted[BLUNT], information[BLUNT], step[BLUNT] = True, BLUNTER ** -2, 0.2
+            low[BLUNT], high[BLUNT] = 0.0, BLUNTEST
+        if options & ELONGATED and kind == POINT:
             for p in (LONG_X, LONG_XY):
                 fitted[p], information[p], step[p] = True, LONGER ** -2, 0.2
                 low[p], high[p] = -LONGEST, LONGEST
@@ -109,6 +114,6 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
         fitted[END] = fitted[EXPONENT] = fitted[SHEAR_U] = fitted[SHEAR_V] = False
     gain, spread = (scatter, 0.5) if scatter > 0.0 else (SCATTER, 1.0)
     volume -= 0.5 * math.log(2.0 * math.pi) * flat
-    return Beliefs(kind, power, elongated, ends, patch, robust, mean, information, low, high, step,
+    return Beliefs(kind, power, shaped, ends, patch, robust, mean, information, low, high, step,
                    np.flatnonzero(fitted), volume, SHEAR[int(power)], scatter, gain, spread,
                    UNSEEN[int(power or patch)])

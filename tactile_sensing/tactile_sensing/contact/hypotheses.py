@@ -10,6 +10,7 @@ The next tier runs only if the one before leaves a residual:
 3. *Free*: width and exponent of the bump are fitted too. Place and direction need no skin. A
    plate is a rival too.
 4. *Elongated*: the bump of a point may also be longer in one direction, as under a finger.
+5. *Blunt*: the bump of a point or a line may also be flat at its top, as under a broad object.
 
 If the best of them does not explain the image, the image is refused.
 """
@@ -24,6 +25,7 @@ from tactile_sensing.contact.beliefs import (
     APART,
     BASELINE,
     beliefs_of,
+    BLUNTED,
     ELONGATED,
     ENDS,
     HALF_SPACE,
@@ -249,7 +251,7 @@ def _add_ends(theta: np.ndarray, guess: Guess) -> None:
 
 @njit(error_model='numpy', inline='always')
 def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, kinds: np.ndarray,
-                   power: bool, elongated: bool, best: Hypothesis) -> Hypothesis:
+                   power: bool, shape: int, best: Hypothesis) -> Hypothesis:
     """
     Find the load with the greatest evidence; `best` is returned if no fit works.
 
@@ -257,10 +259,10 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
     the evidence asks for it, a patch is added to the better of them (0), a line with ends is
     fitted (1), and a patch is added to this (2). If a residual is left, two points are fitted (3),
     and in the free tier a plate (4): if one of them is likelier, the scatter of the gains hides a
-    load that is neither. In the last tier only a point is fitted.
+    load that is neither. With an option for the `shape` of the bump only the kinds are fitted.
     """
     short = -np.inf  # evidence of a line too short to be one: this is a point
-    for step in range(-kinds.size, 0 if elongated else 5 if power else 4):
+    for step in range(-kinds.size, 0 if shape else 5 if power else 4):
         kind, ends, patch = kinds[min(step, -1)], step == 1, step == 0 or step == 2
         if step == -1 and best.fit.evidence > -np.inf and not _unexplained(best):
             continue
@@ -281,7 +283,7 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
             theta = best.fit.theta.copy()
             theta[WIDTH] = FIRST_PATCH
         one = _fitted(pad, readings, scatter, kind, ROBUST + BASELINE + POWER * power
-                      + ELONGATED * elongated + ENDS * ends + PATCH * patch, theta)
+                      + shape + ENDS * ends + PATCH * patch, theta)
         least, share = best.fit.evidence, one.fit.theta[SHARE]
         if kind > LINE:
             least = max(least, short)
@@ -340,16 +342,15 @@ def search(pad: Pad, readings: Readings, scatter: float,
         if explains:
             why = refusal(pad, readings, one)
     refused, free = False, not known
-    for tier in range(2, 5):
-        power, elongated = tier > 2, tier > 3
-        if explains or not (free if power else known):
+    for tier in range(2, 6):
+        power, shape = tier > 2, ELONGATED * (tier > 3) + BLUNTED * (tier > 4)
+        if explains or not (free if power else known) or tier == 4 and kinds[0] != POINT:
             continue
-        if elongated and not (why & BAD_FIT and kinds[0] == POINT):
+        if shape and not why & BAD_FIT:
             break
-        other = _search_robust(
-            pad, readings, scatter, guess, kinds[:1] if elongated else kinds, power, elongated,
-            nothing)
-        if power and (elongated or not refused) and other.fit.evidence <= one.fit.evidence:
+        other = _search_robust(pad, readings, scatter, guess, kinds[:1] if shape else kinds, power,
+                               shape, nothing)
+        if power and (shape or not refused) and other.fit.evidence <= one.fit.evidence:
             continue
         one = other
         why = refusal(pad, readings, one) | SKIN_MISMATCH * (power and known)

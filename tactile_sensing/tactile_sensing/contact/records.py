@@ -19,7 +19,7 @@ class Beliefs(NamedTuple):
 
     kind: int  # POINT, LINE; rivals: TWO points, a PLATE
     power: bool  # whether a bump of free shape is fitted: the skin is unknown
-    elongated: bool  # whether the bump of a point may be longer in one direction
+    shaped: bool  # whether the bump may be blunt, or that of a point longer in one direction
     ends: bool  # whether a line begins and ends
     patch: bool  # whether the load on a known skin is blunt
     robust: bool  # errors are Student-t and annealed; else Gaussian

@@ -8,7 +8,18 @@ from tactile_common.kernels import njit
 from tactile_sensing.contact.beliefs import APART
 from tactile_sensing.contact.errors import cost_of_error
 from tactile_sensing.contact.records import Hypothesis, Readings
-from tactile_sensing.skin.bumps import BASE, chord, LINE, loaded_chord, Pad, POINT, Q0, Q1, WIDTH
+from tactile_sensing.skin.bumps import (
+    BASE,
+    BLUNT,
+    chord,
+    LINE,
+    loaded_chord,
+    Pad,
+    POINT,
+    Q0,
+    Q1,
+    WIDTH,
+)
 from tactile_sensing.types.contact import Reason
 
 BAD_FIT, NO_CONTACT, OFF_PAD = int(Reason.BAD_FIT), int(Reason.NO_CONTACT), int(Reason.OFF_PAD)
@@ -17,7 +28,7 @@ DOUBT = 3.0  # a sharp load with a higher significance of d is not sufficient
 # Refused: significance of d above the first value and residual share above the second. Of a line,
 # only the residual across it counts here: its force may vary along it.
 WRONG = (6.0, 0.12), (3.0, 0.15), (2.0, 0.2)
-LONG = 0.5  # factor of these shares for an elongated point: the tilted corner of a box is similar
+SHAPED = 0.5  # factor of these shares for elongated or blunt bumps: tilted corners are similar
 MOST = 0.5  # a larger residual share is refused
 NOISY = 0.1  # a larger share of tactels beyond noise is not explained by broken tactels
 # Larger readings, in standard deviations of a tactel: of all tactels, no drift; of two, no noise.
@@ -112,13 +123,14 @@ def _bad_fit(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     """
     Return BAD_FIT for a rival or too large a residual; TWO_CONTACTS too if there are two hills.
 
-    A bump of free shape that is as wide as its bound may be anything broad: its residual counts as
-    significant.
+    A bump of free shape that is as wide or as blunt as its bound may be anything broad: its
+    residual counts as significant.
     """
     significance = one.misfit.significance
-    if one.beliefs.power and one.fit.theta[WIDTH] > one.beliefs.high[WIDTH] - ROUNDING:
+    theta, bound = one.fit.theta, one.beliefs.high - ROUNDING
+    if one.beliefs.power and (theta[WIDTH] > bound[WIDTH] or theta[BLUNT] > bound[BLUNT]):
         significance = np.inf
-    factor = LONG if one.beliefs.elongated else 1.0
+    factor = SHAPED if one.beliefs.shaped else 1.0
     left = one.residual.left
     across = math.sqrt(max(left ** 2 - one.misfit.along ** 2, 0.0))
     wrong = one.beliefs.kind > LINE or one.misfit.apart > APART

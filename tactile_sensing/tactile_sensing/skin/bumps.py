@@ -4,10 +4,11 @@ Image of a load on an array, and its derivatives by the parameters of the load; 
 A *bump* is the pressure P f(s) + (Q . offset) g(s), where s is the squared distance from a point
 or a line. The force P of a line may grow linearly along it; near its ends this is approximate. On
 a known skin, f and g are the polynomials of `skin.kernel`; the only unknown of their shape is the
-variance of the load's patch. On an unknown skin, f = (1 + s / w^2)^-n (line: n - 1/2) and
-g = f / w. This is exact for a half-space, with w the depth and n = 5/2. The half width at half
-height and the exponent n are then unknowns. They cover depth, bone, bluntness and the area of the
-tactels together. There the bump of a point may be elongated, as under a finger.
+variance of the load's patch. On an unknown skin, f = p / (1 - b + b p) and g = f / w, where
+p = (1 + s / w^2)^-n (line: n - 1/2). With b = 0, this is exact for a half-space, with w the depth
+and n = 5/2. The half width at half height and the exponent n are then unknowns. They cover depth,
+bone, bluntness and the area of the tactels together. The bump of a point may also be elongated, as
+under a finger, and any bump blunt (b > 0), as under a broad object.
 """
 
 from collections.abc import Callable
@@ -26,13 +27,13 @@ POINT, LINE, TWO, PLATE = 1, 2, 3, 4
 # SHEAR_V: [N] of a point, [N/m] of a line; SHEAR_U of a line is the shear across it. TAPER, in
 # the place of SHEAR_V: growth of the force of a line, along it from the foot of the origin, over
 # half the diagonal of the pad [N/m]. BASE: baseline of the first layer; the others follow.
-# LONG_X, LONG_XY: how much longer a point is along x, and along the diagonal:
+# On an unknown skin, BLUNT: b. LONG_X, LONG_XY: stretch of a point along x and along the diagonal,
 # s = (1 - LONG_X) u^2 + (1 + LONG_X) v^2 - 2 LONG_XY u v.
 # Of TWO points: Q0, Q1 and Q2, Q3: x, y [m]; SHARE: part of the load that is on the second.
 # Of a PLATE: Q0, Q1 of a border, with yaw to its inside; BEGIN of the plate along this border;
 # SHARE: part of the pressure that is high on the borders.
 Q0, Q1, BEGIN, END, SHARE, WIDTH, EXPONENT, FORCE, SHEAR_U, SHEAR_V, BASE = range(11)
-Q2, Q3, LONG_X, LONG_XY, TAPER = BEGIN, END, BEGIN, END, SHEAR_V
+Q2, Q3, LONG_X, LONG_XY, BLUNT, TAPER = BEGIN, END, BEGIN, END, SHARE, SHEAR_V
 BEYOND = 8.0  # a line is invisible from this distance outside the pad [depths]
 LOG2 = math.log(2.0)
 TERMS = DEGREE + 1  # of a polynomial
@@ -106,12 +107,12 @@ def loaded_chord(pad: Pad, theta: np.ndarray, ends: bool) -> tuple[float, float,
 
 # Tactels are computed in blocks of constant size, so that loops over them vectorise. Rows of the
 # work array of a block, at one node: U, V distances from the load; ALONG the line; S squared
-# distance s, half its derivatives by u, v; f and g, their derivatives by s, by WIDTH (log w), by
-# n; T; derivatives by BEGIN and END; temporary values; GROWS: ALONG in half diagonals of the pad,
-# 0 for a point.
+# distance s, half its derivatives by u, v; f and g, their derivatives by s, by log w, by n, by b;
+# T; derivatives by BEGIN and END; temporary values; GROWS: ALONG in half diagonals of the pad, 0
+# for a point.
 BLOCK = 64
-(U, V, ALONG, S, SU, SV, F, G, FS, GS, FW, GW, FN, GN, T, F0, G0, F1, G1, FIRST, LAST, AT_FIRST,
- AT_LAST, POWER, GROWS, SCRATCH) = range(0, 26 * BLOCK, BLOCK)
+(U, V, ALONG, S, SU, SV, F, G, FS, GS, FW, GW, FN, GN, FB, GB, T, F0, G0, F1, G1, FIRST, LAST,
+ AT_FIRST, AT_LAST, POWER, GROWS, SCRATCH) = range(0, 28 * BLOCK, BLOCK)
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -150,18 +151,21 @@ def _power_of(base: float, n: float) -> tuple[float, float]:
 
 
 @njit(error_model='numpy', fastmath=FAST)
-def _power_bumps(part: np.ndarray, w: float, n: float) -> None:
-    """Fill rows F to GN for the bump (1 + s / w^2)^-n."""
+def _power_bumps(part: np.ndarray, w: float, n: float, blunt: float) -> None:
+    """Fill rows F to GB for a bump on an unknown skin."""
     inverse = 1.0 / (w * w)
     for i in range(BLOCK):
         base = 1.0 + part[S + i] * inverse
-        log, f = _power_of(base, n)
-        q = 1.0 / base
-        fs, fw, fn = -n * f * q * inverse, 2.0 * n * f * (1.0 - q), -log * f
+        log, power = _power_of(base, n)
+        q, left = 1.0 / base, 1.0 / (1.0 - blunt + blunt * power)
+        f, slope = power * left, (1.0 - blunt) * power * left * left
+        fs, fw, fn = -n * slope * q * inverse, 2.0 * n * slope * (1.0 - q), -log * slope
+        fb = f * left * (1.0 - power)
         part[F + i], part[G + i] = f, f / w
         part[FS + i], part[GS + i] = fs, fs / w
         part[FW + i], part[GW + i] = fw, (fw - f) / w
         part[FN + i], part[GN + i] = fn, fn / w
+        part[FB + i], part[GB + i] = fb, fb / w
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -177,7 +181,7 @@ def _with_slope(coefficients: tuple[float, ...], t: float) -> tuple[float, float
 @njit(error_model='numpy', fastmath=FAST)
 def _skin_bumps(part: np.ndarray, shape: np.ndarray, slope: np.ndarray, centre: float,
                 wide: bool) -> None:
-    """Fill rows F to GW for a bump on a known skin; FW to GN only if `wide`."""
+    """Fill rows F to GW for a bump on a known skin; FW to GB only if `wide`."""
     f, g = coefficients_of(shape[0]), coefficients_of(shape[1])
     for i in range(BLOCK):
         t = centre / (part[S + i] + centre)
@@ -258,8 +262,8 @@ def _end_power(part: np.ndarray, w: float, begin: float, end: float) -> None:
         part[GW + i] = part[GW + i] * share + g * by_w
         part[FS + i] = part[FS + i] * share + f * by_q / (w * w)
         part[GS + i] = part[GS + i] * share + g * by_q / (w * w)
-        part[FN + i] *= share
-        part[GN + i] *= share
+        for row in (FN, GN, FB, GB):
+            part[row + i] *= share
         part[F + i], part[G + i] = f * share, g * share
 
 
@@ -311,9 +315,13 @@ def _end_skin(part: np.ndarray, tip: np.ndarray, tip_slope: np.ndarray, centre: 
 
 @njit(error_model='numpy', fastmath=FAST)
 def _accumulate(part: np.ndarray, line: bool, ends: bool, wide: bool, lever: np.ndarray,
-                turned: float, node: float, theta: np.ndarray, turn: float, n: float, half: float,
+                turned: float, node: float, theta: np.ndarray, half: float,
                 sums: np.ndarray) -> None:
-    """Add the contribution of a node to the derivatives and, in the row of BASE, the image."""
+    """
+    Add the contribution of a node to the derivatives and, in the row of BASE, the image.
+
+    The derivatives in the rows of WIDTH, EXPONENT and BLUNT are those by log w, n and b.
+    """
     shear_u, shear_v = theta[SHEAR_U], theta[SHEAR_V]
     rho, gz, gx, gy = theta[Q0], lever[0], lever[1], lever[2]
     for i in range(BLOCK):
@@ -340,10 +348,9 @@ def _accumulate(part: np.ndarray, line: bool, ends: bool, wide: bool, lever: np.
         u, v = part[U + i], part[V + i]
         share, force = node * (gz + gx * u + gy * v), theta[FORCE] + theta[TAPER] * part[GROWS + i]
         across = shear_u * u + shear_v * v
-        by_w = force * part[FW + i] + across * part[GW + i]
-        by_n = force * part[FN + i] + across * part[GN + i]
-        sums[WIDTH * BLOCK + i] += share * by_w
-        sums[EXPONENT * BLOCK + i] += share * (by_w * turn + n * by_n)
+        sums[WIDTH * BLOCK + i] += share * (force * part[FW + i] + across * part[GW + i])
+        sums[EXPONENT * BLOCK + i] += share * (force * part[FN + i] + across * part[GN + i])
+        sums[BLUNT * BLOCK + i] += share * (force * part[FB + i] + across * part[GB + i])
         if not line:
             by_s = share * (force * part[FS + i] + across * part[GS + i])
             sums[LONG_X * BLOCK + i] += by_s * (v * v - u * u)
@@ -371,8 +378,8 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
     kind : int
         POINT or LINE.
     power, ends, wide : bool
-        Whether the skin is unknown; whether a line has ends; whether the derivatives by the shape
-        of the bump are needed.
+        Whether the skin is unknown; whether a line has ends; whether derivatives by the shape of
+        the bump are needed.
     coarse : bool
         Whether to sample a tactel at its centre only, for broad bumps and for first steps.
     pad : Pad
@@ -392,14 +399,13 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
             places[0, r * columns + c], places[1, r * columns + c] = pad.x[c], pad.y[r]
     shape, slope, tip, tip_slope = np.empty((4, 2, TERMS))
     line, half = kind == LINE, math.hypot(pad.half_x, pad.half_y)
-    cos, sin, w, n, turn = 1.0, 0.0, 1.0, 1.0, 0.0
+    cos, sin, w, n, height = 1.0, 0.0, 1.0, 1.0, 1.0
     if line:
         cos, sin = math.cos(theta[Q1]), math.sin(theta[Q1])
     if power:
         n = math.exp(theta[EXPONENT])
-        two = 2.0 ** (1.0 / n)
-        w = math.exp(theta[WIDTH]) / math.sqrt(two - 1.0)
-        turn = 0.5 * two * LOG2 / (n * (two - 1.0))  # d(log w) / d(log n)
+        height = (2.0 - theta[BLUNT]) / (1.0 - theta[BLUNT])  # 1 / p at half height
+        w = math.exp(theta[WIDTH]) / math.sqrt(height ** (1.0 / n) - 1.0)
     for k in range(pad.depths.size):
         depth = pad.depths[k]
         centre, reach = (CENTRE * depth) ** 2, BEYOND * depth + half
@@ -429,18 +435,21 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
                 if ends and not power:
                     _end_skin(part, tip, tip_slope, centre, begin, end)
                 elif power:
-                    _power_bumps(part, w, n - 0.5 * line)
+                    _power_bumps(part, w, n - 0.5 * line, theta[BLUNT])
                     if ends:
                         _end_power(part, w, theta[BEGIN], theta[END])
                 else:
                     _skin_bumps(part, shape, slope, centre, wide)
-                _accumulate(part, line, ends, wide, lever, turned, node, theta, turn, n, half,
-                            sums)
+                _accumulate(part, line, ends, wide, lever, turned, node, theta, half, sums)
             begins, count = k * size + first, min(BLOCK, size - first)
             for i in range(count):
                 for p in range(BASE):
                     by[p, begins + i] = sums[p * BLOCK + i]
                 model[begins + i] = sums[BASE * BLOCK + i]
+    if power:  # w depends on n and b
+        narrower = 0.5 / (n * (1.0 - height ** (-1.0 / n)))  # -d(log w) / d(log height)
+        by[EXPONENT] = n * by[EXPONENT] + narrower * math.log(height) * by[WIDTH]
+        by[BLUNT] -= narrower * (height - 2.0 + 1.0 / height) * by[WIDTH]
 
 
 @njit(cache=True, error_model='numpy')
@@ -448,7 +457,7 @@ def add_rows_of_two(power: bool, wide: bool, coarse: bool, pad: Pad, theta: np.n
                     by: np.ndarray, model: np.ndarray) -> None:
     """Compute the image of TWO points and its derivatives; parameters as of `add_rows`."""
     one, load, share = np.zeros_like(by), theta.copy(), theta[SHARE]
-    load[LONG_X] = load[LONG_XY] = 0.0
+    load[LONG_X] = load[LONG_XY] = load[BLUNT] = 0.0
     add_rows(POINT, power, False, wide, coarse, pad, load, one, model)
     alone = model.copy()
     load[Q0], load[Q1] = theta[Q2], theta[Q3]
