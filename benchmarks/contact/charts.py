@@ -44,5 +44,6 @@ def _mark(axis, row, unit):
     if row['batched_s']:
         axis.plot(times[-1], row['ratio'], 's', color=colour, mfc='white')
     if row['model'] == 1:
-        axis.annotate(row['method'], (min(times), row['ratio']), (0, 7), color=colour,
-                      ha='center', textcoords='offset points', fontsize=8.5)
+        below = 'unknown' in row['method']  # next to the estimator that knows the skin
+        axis.annotate(row['method'], (min(times), row['ratio']), (0, -15 if below else 7),
+                      color=colour, ha='center', textcoords='offset points', fontsize=8.5)

@@ -259,7 +259,8 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
     the evidence asks for it, a patch is added to the better of them (0), a line with ends is
     fitted (1), and a patch is added to this (2). If a residual is left, two points are fitted (3),
     and in the free tier a plate (4): if one of them is likelier, the scatter of the gains hides a
-    load that is neither. With an option for the `shape` of the bump only the kinds are fitted.
+    load that is neither. In the last two tiers, which have an option `shape`, only the kinds are
+    fitted.
     """
     short = -np.inf  # evidence of a line too short to be one: this is a point
     for step in range(-kinds.size, 0 if shape else 5 if power else 4):
@@ -342,12 +343,12 @@ def search(pad: Pad, readings: Readings, scatter: float,
         if explains:
             why = refusal(pad, readings, one)
     refused, free = False, not known
-    for tier in range(2, 6):
-        power, shape = tier > 2, ELONGATED * (tier > 3) + BLUNTED * (tier > 4)
-        if explains or not (free if power else known) or tier == 4 and kinds[0] != POINT:
+    for power, shape in (
+            (False, 0), (True, 0), (True, ELONGATED), (True, ELONGATED + BLUNTED)):
+        if explains or not (free if power else known):
             continue
-        if shape and not why & BAD_FIT:
-            break
+        if shape and not why & BAD_FIT or shape == ELONGATED and kinds[0] != POINT:
+            continue
         other = _search_robust(pad, readings, scatter, guess, kinds[:1] if shape else kinds, power,
                                shape, nothing)
         if power and (shape or not refused) and other.fit.evidence <= one.fit.evidence:

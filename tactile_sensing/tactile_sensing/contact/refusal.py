@@ -28,7 +28,7 @@ DOUBT = 3.0  # a sharp load with a higher significance of d is not sufficient
 # Refused: significance of d above the first value and residual share above the second. Of a line,
 # only the residual across it counts here: its force may vary along it.
 WRONG = (6.0, 0.12), (3.0, 0.15), (2.0, 0.2)
-SHAPED = 0.5  # factor of these shares for elongated or blunt bumps: tilted corners are similar
+SHAPED = 0.5  # factor of these shares for elongated or blunt bumps: they fit tilted corners too
 MOST = 0.5  # a larger residual share is refused
 NOISY = 0.1  # a larger share of tactels beyond noise is not explained by broken tactels
 # Larger readings, in standard deviations of a tactel: of all tactels, no drift; of two, no noise.
