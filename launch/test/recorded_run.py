@@ -54,6 +54,14 @@ TOPICS = [
 CONTOUR_OFF = 2e-5  # m to the left of the edge
 
 
+def with_columns(table, **columns):
+    """Return a copy of records with columns replaced."""
+    table = table.copy()
+    for name, values in columns.items():
+        table[name] = values
+    return table
+
+
 def straight_scene():
     """Edge of 200 mm along base y, the pad 3 mm beside it."""
     return EdgeScene(

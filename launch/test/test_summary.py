@@ -32,7 +32,7 @@ DESIGN_KEYS = {
 
 def changed(run, **statuses):
     """Return the run with columns of its statuses replaced."""
-    return dataclasses.replace(run, statuses=dataclasses.replace(run.statuses, **statuses))
+    return dataclasses.replace(run, statuses=made.with_columns(run.statuses, **statuses))
 
 
 def test_summary_of_a_run(run, scene):
@@ -99,7 +99,7 @@ def test_force_error_leaves_out_where_the_edge_ends_under_the_pad(run, scene):
     assert real.on_target[real.settled].all()
     poses = run.poses.matrix.copy()
     poses[:, 1, 3] += 0.195 - 0.11  # ends 5 mm before the end of the edge
-    shifted = dataclasses.replace(run, poses=dataclasses.replace(run.poses, matrix=poses))
+    shifted = dataclasses.replace(run, poses=made.with_columns(run.poses, matrix=poses))
     real = truth(shifted, scene)
     short = real.settled & ~real.on_target
     assert short.any() and real.force[short].min() < 0.8 * made.FORCE
@@ -109,7 +109,7 @@ def test_force_error_leaves_out_where_the_edge_ends_under_the_pad(run, scene):
 def test_a_pad_that_coasts_beyond_the_end_is_not_beside_the_edge(run, scene):
     poses = run.poses.matrix.copy()
     poses[:, 1, 3] += 0.2 - 0.1  # comes 10 mm beyond the end of the edge
-    shifted = dataclasses.replace(run, poses=dataclasses.replace(run.poses, matrix=poses))
+    shifted = dataclasses.replace(run, poses=made.with_columns(run.poses, matrix=poses))
     assert summarise(shifted, scene)['lateral_max'] < 2e-3
 
 
@@ -130,7 +130,7 @@ def test_ok_needs_the_action_the_edge_and_the_way_that_the_servo_claims(run, sce
     assert not summarise(refused, scene)['ok']
     away = run.poses.matrix.copy()
     away[:, 0, 3] += 0.004
-    lost = dataclasses.replace(run, poses=dataclasses.replace(run.poses, matrix=away))
+    lost = dataclasses.replace(run, poses=made.with_columns(run.poses, matrix=away))
     summary = summarise(lost, scene)
     assert not summary['ok'] and 'not led along the edge' in summary['reason']
     boast = changed(run, progress=2.0 * run.statuses.progress)

@@ -1,11 +1,12 @@
 """What summary and report say of a surface that was felt."""
-from dataclasses import fields, replace
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from recorded_run import with_columns
 
-from edge_tracking.recording.run import Contacts, Images, Poses, RunData, Statuses
+from edge_tracking.recording.run import CONTACTS, Images, POSES, RunData, STATUSES
 from edge_tracking.recording.summary import shape_of_surface, summarise, truth
 from edge_tracking.report.page import make_report, Shown
 from tactile_sensing.dome.finite_elements import SkinConfig
@@ -18,7 +19,7 @@ RADIUS = 0.035
 
 
 def shape_of(patches):
-    felt, shape = shape_of_surface(SimpleNamespace(patches=patches, touches=Poses.of([])))
+    felt, shape = shape_of_surface(SimpleNamespace(patches=patches, touches=POSES.of()))
     assert felt.shape == (0, 3)
     return shape
 
@@ -58,17 +59,15 @@ def rolled(scene, outward):
         pose[:3, :3] = np.column_stack([ahead, np.cross(-out, ahead), -out])
         pose[:3, 3] = centre + (RADIUS + dome.skin_radius - 6e-4) * out - (
             pose[:3, :3] @ dome.centre)
-    told = {field.name: np.zeros(count, getattr(Statuses.of([]), field.name).dtype)
-            for field in fields(Statuses)}
-    told.update(stamp_ns=stamps, controller=np.full(count, 'law', object),
-                state=np.full(count, State.TRACK), progress=np.linspace(0.0, 0.04, count),
-                reason=np.full(count, 'length reached', object), force_target=np.full(count, 5.0),
-                reason_code=np.full(count, ReasonCode.LENGTH_REACHED))
-    return RunData('/tactile', stamps[0], Images.of([], frames=np.empty((0, 0, 0)), array=None,
-                                                    unit=''),
-                   Contacts.of([]), Statuses(**told), Poses(stamps, poses), np.zeros((0, 3)),
-                   [patch for patch in patches(outward) if patch.valid], None,
-                   touches=Poses(stamps, touches))
+    statuses = with_columns(
+        np.zeros(count, STATUSES.dtype).view(np.recarray), stamp_ns=stamps, controller='law',
+        state=State.TRACK, progress=np.linspace(0.0, 0.04, count), reason='length reached',
+        force_target=5.0, reason_code=ReasonCode.LENGTH_REACHED)
+    none = np.empty(0, np.int64)
+    return RunData('/tactile', stamps[0], Images(np.empty((0, 0, 0)), None, '', none, none),
+                   CONTACTS.of(), statuses, POSES.of([*zip(stamps, poses, strict=True)]),
+                   np.zeros((0, 3)), [patch for patch in patches(outward) if patch.valid], None,
+                   touches=POSES.of([*zip(stamps, touches, strict=True)]))
 
 
 def test_a_run_over_a_ball_is_measured_against_it(tmp_path):

@@ -2,10 +2,10 @@
 from array import array
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from functools import cache, partial
-from itertools import repeat
+from dataclasses import dataclass, field
+from functools import partial
 import json
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -26,14 +26,8 @@ MOST = 60_000  # messages of a topic, evenly spaced, that are read; of others on
 _COMPONENT_ZZ = 0
 
 
-def _column(dtype: Any = float, shape: tuple[int, ...] = (),
-            read: Callable[[Any], Any] | None = None) -> Any:
-    """Declare a column: type and shape of a value, and a reader if it is not a field."""
-    return field(metadata={'dtype': dtype, 'shape': shape, 'read': read})
-
-
-def _stamp() -> Any:
-    return _column(np.int64, (), lambda message: stamp_to_ns(message.header.stamp))
+def _stamp(message: Any) -> int:
+    return stamp_to_ns(message.header.stamp)
 
 
 def xyz(vector: Any) -> tuple[float, float, float]:
@@ -48,93 +42,54 @@ def _matrix(message: Any) -> np.ndarray:
         return np.full((4, 4), np.nan)
 
 
-@dataclass(frozen=True, eq=False)
 class Table:
-    """Columns of N rows, one row per message."""
+    """
+    Makes an array of records from messages of a topic, one record per message.
 
-    @classmethod
-    def row(cls: Any, message: Any) -> tuple:
-        """Return the values of a message in the order of the columns."""
-        return tuple([getattr(message, name) if read is None else read(message)
-                      for name, _, _, read in _columns(cls)])
+    `types` are the columns, in order; `readers` give what is not a field of that name.
+    """
 
-    @classmethod
-    def of(cls: Any, rows: Sequence[tuple], **known: Any) -> Any:
-        """Make a table of such rows; `known` are the fields that are not columns."""
-        values = zip(*rows, strict=True) if rows else repeat(())
-        for (name, dtype, shape, _), column in zip(_columns(cls), values, strict=False):
-            known[name] = np.array(column, dtype=dtype).reshape(len(rows), *shape)
-        return cls(**known)
+    def __init__(self, types: Mapping[str, Any], **readers: Callable[[Any], Any]):
+        self.dtype = np.dtype([*types.items()])
+        self._read = [readers.get(name, attrgetter(name)) for name in types]
+
+    def row(self, message: Any) -> tuple:
+        """Return the record of a message."""
+        return tuple([read(message) for read in self._read])
+
+    def of(self, rows: Sequence[tuple] = ()) -> np.recarray:
+        """Return the array of some records; its attributes are the columns."""
+        return np.array([*rows], self.dtype).view(np.recarray)
 
 
-@cache
-def _columns(table: Any) -> list[tuple[str, Any, tuple[int, ...], Any]]:
-    """Return name, type, shape and reader of each column."""
-    return [(item.name, *item.metadata.values()) for item in fields(table) if item.metadata]
+# Contact estimates; fields as in Contact.msg, and [m], [s].
+CONTACTS = Table(
+    {'stamp_ns': np.int64, 'type': np.int64, 'valid': bool, 'force_valid': bool, 'x': float,
+     'y': float, 'yaw': float, 'normal_force': float, 'm0': float,  # [N, or counts m^2]
+     'centre_of_pressure': '2f8', 'latency': float},
+    stamp_ns=_stamp, m0=lambda message: message.moments[0],
+    centre_of_pressure=lambda message: xyz(message.centre_of_pressure)[:2],
+    latency=lambda message: stamp_to_seconds(message.latency))
+# Status messages of the servo; fields as in ServoStatus.msg.
+STATUSES = Table(
+    {'stamp_ns': np.int64, 'controller': object, 'state': np.int64, 'reason': object,
+     'reason_code': np.int64, 'contact_stamp_ns': np.int64, 'lateral_error': float,
+     'longitudinal_error': float, 'force_target': float, 'speed': float, 'progress': float,
+     'latency': float, 'cpu_time': float, 'cycles': np.int64, 'missed_cycles': np.int64},
+    stamp_ns=_stamp, contact_stamp_ns=lambda message: stamp_to_ns(message.contact_stamp))
+# Poses of the sensor in the base frame, homogeneous transforms.
+POSES = Table({'stamp_ns': np.int64, 'matrix': '(4,4)f8'}, stamp_ns=_stamp, matrix=_matrix)
 
 
 @dataclass(frozen=True, eq=False)
-class Images(Table):
-    """Images of the pressure layer."""
+class Images:
+    """N images of the pressure layer."""
 
     frames: np.ndarray  # (N, rows, columns), NaN = invalid tactel
     array: TactelArray | None  # None without images
     unit: str
-    stamp_ns: np.ndarray = _stamp()
-    sequence: np.ndarray = _column(np.int64)
-
-
-@dataclass(frozen=True, eq=False)
-class Contacts(Table):
-    """Contact estimates, `(N,)` each; fields as in Contact.msg."""
-
-    stamp_ns: np.ndarray = _stamp()
-    type: np.ndarray = _column(np.int64)
-    valid: np.ndarray = _column(bool)
-    force_valid: np.ndarray = _column(bool)
-    x: np.ndarray = _column()
-    y: np.ndarray = _column()
-    yaw: np.ndarray = _column()
-    normal_force: np.ndarray = _column()
-    m0: np.ndarray = _column(read=lambda message: message.moments[0])  # [N, or counts m^2]
-    centre_of_pressure: np.ndarray = _column(  # [m]
-        shape=(2,), read=lambda message: xyz(message.centre_of_pressure)[:2])
-    latency: np.ndarray = _column(read=lambda message: stamp_to_seconds(message.latency))  # [s]
-
-
-@dataclass(frozen=True, eq=False)
-class Statuses(Table):
-    """Status messages of the servo, `(N,)` each; fields as in ServoStatus.msg."""
-
-    stamp_ns: np.ndarray = _stamp()
-    controller: np.ndarray = _column(object)
-    state: np.ndarray = _column(np.int64)
-    reason: np.ndarray = _column(object)
-    reason_code: np.ndarray = _column(np.int64)
-    contact_stamp_ns: np.ndarray = _column(
-        np.int64, read=lambda message: stamp_to_ns(message.contact_stamp))
-    lateral_error: np.ndarray = _column()
-    longitudinal_error: np.ndarray = _column()
-    force_target: np.ndarray = _column()
-    speed: np.ndarray = _column()
-    progress: np.ndarray = _column()
-    latency: np.ndarray = _column()
-    cpu_time: np.ndarray = _column()
-    cycles: np.ndarray = _column(np.int64)
-    missed_cycles: np.ndarray = _column(np.int64)
-
-
-@dataclass(frozen=True, eq=False)
-class Poses(Table):
-    """Poses of the sensor in the base frame, homogeneous transforms `(N, 4, 4)`."""
-
-    stamp_ns: np.ndarray = _stamp()
-    matrix: np.ndarray = _column(shape=(4, 4), read=_matrix)
-
-    @property
-    def position(self) -> np.ndarray:
-        """Positions of the pad's centre [m], shape `(N, 3)`."""
-        return self.matrix[:, :3, 3]
+    stamp_ns: np.ndarray  # (N,)
+    sequence: np.ndarray  # (N,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +99,9 @@ class RunData:
     namespace: str
     start_ns: int
     images: Images
-    contacts: Contacts
-    statuses: Statuses
-    poses: Poses
+    contacts: np.recarray  # see CONTACTS
+    statuses: np.recarray  # see STATUSES
+    poses: np.recarray  # see POSES
     contour: np.ndarray  # (N, 3), points of the newest contour [m]
     patches: list  # every valid Patch of a surface
     info: SensorInfo | None  # the newest; None if the recording lacks it
@@ -158,8 +113,8 @@ class RunData:
     goals: Sequence[Mapping[str, Any]] = ()  # fields of each goal
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by node
     nodes: frozenset[str] = frozenset()  # names of the nodes with diagnostics
-    touches: Poses = field(  # contacts with a surface, z along the outward normal
-        default_factory=lambda: Poses.of([]))
+    touches: np.recarray = field(  # contacts with a surface, z along the outward normal
+        default_factory=POSES.of)
 
     def seconds(self, time_ns: Any) -> np.ndarray:
         """Convert times [ns] to seconds since the first message that was read."""
@@ -196,14 +151,14 @@ def read_run(path: str | Path, namespace: str | None = None, *,
             namespace=bag.prefix,
             start_ns=bag.span[0],
             images=_images(rows['image']),
-            contacts=Contacts.of(rows['contact']),
-            statuses=Statuses.of(rows['servo_status']),
-            poses=Poses.of(rows['sensor_pose']),
+            contacts=CONTACTS.of(rows['contact']),
+            statuses=STATUSES.of(rows['servo_status']),
+            poses=POSES.of(rows['sensor_pose']),
             contour=np.array(rows['contour'], float).reshape(-1, 3),
             patches=rows['surface_patch'],
             info=next(iter(rows['sensor_info']), None),
             nodes=frozenset(rows['diagnostics']),
-            touches=Poses.of(rows['surface_contact']),
+            touches=POSES.of(rows['surface_contact']),
             joint_acceleration=_joint_acceleration(rows['joint_states']),
             stamps={name: np.asarray(known) for name, known in stamps.items()},
             every=every,
@@ -212,23 +167,25 @@ def read_run(path: str | Path, namespace: str | None = None, *,
         )
 
 
-def _image(message: Any) -> list[Any]:
-    """Return a list with shallowest pressure, (unit, pitches) and columns, or an empty list."""
+def _image(message: Any) -> list[tuple]:
+    """Return a list with shallowest pressure, unit, pitches, stamp, number; or an empty list."""
     layers = [layer for layer in message.layers if layer.component == _COMPONENT_ZZ
               and layer.stress.size == message.rows * message.columns > 0]
-    return [(layer.stress.reshape(message.rows, message.columns),
-             (layer.unit, message.pitch_x, message.pitch_y), Images.row(message))
+    return [(layer.stress.reshape(message.rows, message.columns), layer.unit,
+             (message.pitch_x, message.pitch_y), _stamp(message), message.sequence)
             for layer in sorted(layers, key=lambda layer: layer.depth)[:1]]
 
 
-def _images(rows: Sequence[Any]) -> 'Images':
-    """Return the table of images that have the shape of the first one."""
+def _images(rows: Sequence[tuple]) -> Images:
+    """Return the images that have the shape of the first one."""
     if not rows:
-        return Images.of([], frames=np.empty((0, 0, 0), np.float32), array=None, unit='')
-    first, (unit, *pitches), _ = rows[0]
-    frames, _, kept = zip(*(row for row in rows if row[0].shape == first.shape), strict=True)
-    return Images.of(kept, frames=np.array(frames, np.float32), unit=unit,
-                         array=TactelArray(*first.shape, *pitches))
+        none = np.empty(0, np.int64)
+        return Images(np.empty((0, 0, 0), np.float32), None, '', none, none)
+    first, unit, pitches, *_ = rows[0]
+    frames, _, _, stamps, numbers = zip(
+        *(row for row in rows if row[0].shape == first.shape), strict=True)
+    return Images(np.array(frames, np.float32), TactelArray(*first.shape, *pitches), unit,
+                  np.array(stamps, np.int64), np.array(numbers, np.int64))
 
 
 def _goals(calls: Any) -> list[dict[str, Any]]:
@@ -241,10 +198,10 @@ def _goals(calls: Any) -> list[dict[str, Any]]:
 # Functions that return the rows of a message, by the name of its topic.
 _READ: dict[str, Callable[[Any], list[Any]]] = {
     'image': _image,
-    'contact': lambda message: [Contacts.row(message)],
-    'servo_status': lambda message: [Statuses.row(message)],
-    'sensor_pose': lambda message: [Poses.row(message)],
-    'surface_contact': lambda message: [Poses.row(message)],
+    'contact': lambda message: [CONTACTS.row(message)],
+    'servo_status': lambda message: [STATUSES.row(message)],
+    'sensor_pose': lambda message: [POSES.row(message)],
+    'surface_contact': lambda message: [POSES.row(message)],
     'surface_patch': lambda message: [patch_from_msg(message)] if message.valid else [],
     'contour': lambda message: [xyz(pose.pose.position) for pose in message.poses],
     'sensor_info': lambda message: [sensor_info_from_msg(message)],

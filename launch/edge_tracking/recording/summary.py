@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from edge_tracking.recording.run import read_run, RunData, Statuses
+from edge_tracking.recording.run import read_run, RunData
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_sensing.image import image_moments
 from tactile_sensing.types.contact import ContactType
@@ -63,7 +63,7 @@ def stages(run: RunData) -> list[Stage]:
             for first, after in pairwise([0, *changed, len(stamps)])]
 
 
-def settled_cycles(statuses: Statuses) -> tuple[np.ndarray, np.ndarray]:
+def settled_cycles(statuses: np.recarray) -> tuple[np.ndarray, np.ndarray]:
     """Return which cycles track, and which of these come after the settling length: `(N,)`."""
     tracking = np.isin(statuses.state, ON_TRACK)
     return tracking, tracking & (statuses.progress >= SETTLING_LENGTH)
@@ -173,7 +173,8 @@ def shape_of_surface(run: RunData) -> tuple[np.ndarray, dict[str, Any]]:
     A straight path over a sphere looks the same as one around a cylinder: it does not show the
     curvature across the path.
     """
-    felt, kinds = run.touches.position, [patch.kind for patch in run.patches if patch.valid]
+    felt = run.touches.matrix[:, :3, 3]
+    kinds = [patch.kind for patch in run.patches if patch.valid]
     if not kinds:
         return felt, {'surface_kind': Kind.NONE.name.lower(), 'surface_radius': NAN,
                       'surface_seen_across': False}

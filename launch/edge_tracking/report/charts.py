@@ -169,7 +169,7 @@ def from_above(edge: np.ndarray, points: Any) -> np.ndarray:
 
 def felt(it: Shown) -> list[dict[str, Any]]:
     """Return the contacts on a surface from above, and their distance from the true surface."""
-    points = it.run.touches.position
+    points = it.run.touches.matrix[:, :3, 3]
     off = it.scene.surface.distance(points) if len(points) else np.empty(0)
     return [
         chart('Contacts from above, equal axes', 'x [mm]', 'y [mm]', [
@@ -185,7 +185,7 @@ def plan(it: Shown, found: Outline | None) -> list[dict[str, Any]]:
     if scene is not None:
         edge = scene.edge.points
         series += [way('true edge', from_above(edge, edge), EDGE_COLOUR, width=6),
-                   way('pad', from_above(edge, run.poses.position[it.real.tracking]), BLUE)]
+                   way('pad', from_above(edge, run.poses.matrix[it.real.tracking, :3, 3]), BLUE)]
     if found is not None:
         edge = found.points if scene is None else edge
         series += [way(name, from_above(edge, points.reshape(-1, 3)), colour, **style)
@@ -263,7 +263,7 @@ def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
     placed[~contacts.valid] = np.nan
     centre = ~contacts.valid & (contacts.type > 0)
     placed[centre, :2] = contacts.centre_of_pressure[centre]
-    touched = run.touches.position if len(run.touches.stamp_ns) else run.contour
+    touched = run.touches.matrix[:, :3, 3] if len(run.touches) else run.contour
     force = _at(series.stamp_ns, series.force, stamps)
     scale, unit = force_unit(series.unit)
     return {
@@ -273,7 +273,7 @@ def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
         'time': packed(run.seconds(stamps), '<f4'),
         'contact': packed(_at(contacts.stamp_ns, placed, stamps), '<f4'),
         'force': packed(force, '<f4'), 'force_scale': scale, 'unit': unit,
-        'path': packed(_at(run.poses.stamp_ns, run.poses.position, stamps), '<f4'),
+        'path': packed(_at(run.poses.stamp_ns, run.poses.matrix[:, :3, 3], stamps), '<f4'),
         'touched': packed(touched[thinned(len(touched), MAX_POINTS)], '<f4'),
         'stages': [[stage.state.name.lower(), stage.reason] for stage in found],
         'stage': packed(newest(np.array([stage.begin for stage in found], np.int64), stamps),
