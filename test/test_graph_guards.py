@@ -139,15 +139,13 @@ def test_a_controller_that_is_deactivated_is_noticed(it, seconds):
     client = it.start_tracking(length=0.04, retreat=False)
     it.reach(0.005)
     robot.activate(False)
-    end = time.monotonic() + seconds
-    it.graph.spin(lambda: time.monotonic() > end)
+    it.graph.spin(lambda: False, seconds)
     robot.activate(True)
     it.wait(lambda: listener.offered, 'the offer to resume')
     assert ServoReason.NOT_FOLLOWING in {
         status.reason_code for status in listener.statuses if status.state == ServoStatus.HOLD}
     place = listener.poses[-1].pose.position
-    end = time.monotonic() + 0.5
-    it.graph.spin(lambda: time.monotonic() > end)
+    it.graph.spin(lambda: False, 0.5)
     after = listener.poses[-1].pose.position
     assert np.linalg.norm([after.x - place.x, after.y - place.y, after.z - place.z]) < 1e-4
     it.finish(client)

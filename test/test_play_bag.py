@@ -50,8 +50,7 @@ class Played:
     listener: ListenerNode
 
     def spin(self, until):
-        end = time.monotonic() + DEADLINE
-        self.graph.spin(lambda: until() or time.monotonic() > end)
+        self.graph.spin(until, DEADLINE)
         assert until()
 
     def pause(self, paused):

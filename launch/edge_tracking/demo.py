@@ -14,9 +14,9 @@ from edge_tracking.graph import (
     add_servo,
     calibrate,
     Graph,
-    linger,
     PARAMETERS,
     private_port,
+    SETTLE,
 )
 from edge_tracking.parameters import check_file, names_in
 from edge_tracking.playback import calibrated, record_frames
@@ -184,13 +184,13 @@ def track(options: argparse.Namespace, path: Path, scene: Scene, folder: Path, d
         if stop.is_set():
             client.cancel()
             stop.requested = False
-            linger(graph, lambda: client.finished or stop.is_set(), 2.0)
+            graph.spin(lambda: client.finished or stop.is_set(), 2.0)
             return 'interrupted'
         if not client.finished:
             return ', '.join(
                 f'{name} ended by itself, with status {part.returncode}'
                 for name, part in parts.items() if part.returncode is not None)
-        linger(graph, stop.is_set)
+        graph.spin(stop.is_set, SETTLE)
     return '; '.join(filter(None, ('' if client.success else client.reason, heard.failed)))
 
 

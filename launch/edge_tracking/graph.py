@@ -1,10 +1,10 @@
 """Nodes of the graph in one process, as in `edge_tracking.launch.py`."""
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+import math
 from pathlib import Path
 import sys
 import tempfile
-import time
 from typing import Any
 
 import rclpy
@@ -71,9 +71,9 @@ class Graph:
         self.executor.add_node(node)
         return node
 
-    def spin(self, until: Callable[[], bool]) -> None:
-        """Process callbacks until the context is shut down or `until()` returns True."""
-        spin(self.executor, self.context, until)
+    def spin(self, until: Callable[[], bool], seconds: float = math.inf) -> None:
+        """Process callbacks for a time, until the context is shut down or `until()` is True."""
+        spin(self.executor, self.context, until, seconds)
 
 
 def add_mocks(graph: Graph, port: str | Path, scene: str | Path, robot: str | Path,
@@ -105,9 +105,3 @@ def private_port() -> Iterator[Path]:
 def calibrate(port: Path, scene: Scene) -> Path:
     """Write the calibration of a scene's mock sensor next to its port; return its path."""
     return write_calibration(scene, port.with_name(f'{port.name}.yaml'))
-
-
-def linger(graph: Graph, until: Callable[[], bool], seconds: float = SETTLE) -> None:
-    """Spin for some more time."""
-    end = time.monotonic() + seconds
-    graph.spin(lambda: until() or time.monotonic() > end)

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import json
 import os
-from pathlib import Path
 import signal
 import subprocess
 import sys
@@ -51,20 +50,14 @@ class Heard:
                 self.failed = status.message
 
 
-def add_recorder(graph: Graph, bag: str | Path) -> None:
-    """Add a recorder of all topics."""
+def _add_recorder(graph: Graph, bag: str) -> None:
     graph.add(RecorderNode, own={'path': bag, 'topics': topics(graph.namespace)})
-
-
-def add_shape_estimator(graph: Graph) -> None:
-    """Add the shape estimator."""
-    graph.add(ShapeEstimatorNode)
 
 
 # Function that makes each part, and its niceness.
 PARTS: dict[str, tuple[Callable[..., Any], int]] = {
-    'sensing': (add_sensing, 0), 'mocks': (add_mocks, 0), 'recorder': (add_recorder, 0),
-    'shape': (add_shape_estimator, 10)}
+    'sensing': (add_sensing, 0), 'mocks': (add_mocks, 0), 'recorder': (_add_recorder, 0),
+    'shape': (lambda graph: graph.add(ShapeEstimatorNode), 10)}
 
 
 @contextmanager

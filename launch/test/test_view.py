@@ -2,7 +2,6 @@
 from contextlib import contextmanager
 from http.client import HTTPConnection
 import json
-import time
 
 import numpy as np
 import pytest
@@ -138,7 +137,6 @@ def test_view_of_a_sensor():
 
 
 def spin(graph, until, seconds=30.0):
-    end = time.monotonic() + seconds
     done = []
-    graph.spin(lambda: done.append(until()) or done[-1] or time.monotonic() > end)
+    graph.spin(lambda: done.append(until()) or done[-1], seconds)
     assert done[-1] or seconds < 30.0

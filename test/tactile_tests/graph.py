@@ -2,7 +2,6 @@
 
 from contextlib import contextmanager
 from pathlib import Path
-import time
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -120,8 +119,7 @@ class Bench:
 
     def wait(self, condition, what, seconds=DEADLINE):
         """Spin until a condition holds; AssertionError if it does not in time."""
-        end = time.monotonic() + seconds
-        self.graph.spin(lambda: condition() or time.monotonic() > end)
+        self.graph.spin(condition, seconds)
         assert condition(), (
             f'{what} did not come within {seconds:g} s; servo: {self.listener.state} '
             f'{self.listener.reason!r}; log: {[log.msg for log in self.listener.logs[-5:]]}')

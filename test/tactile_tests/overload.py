@@ -17,7 +17,7 @@ import time
 
 import numpy as np
 
-from edge_tracking.graph import add_servo, calibrate, Graph, linger, private_port
+from edge_tracking.graph import add_servo, calibrate, Graph, private_port, SETTLE
 from edge_tracking.process_group import apart
 from edge_tracking.recording.run import read_run
 from edge_tracking.resources import share
@@ -49,14 +49,14 @@ def run_goals(count, bag):
             track = graph.add(TrackNode, own={'on_feedback': lambda _: None}, wait=GIVE_UP,
                               speed=0.03, force=FORCE, length=0.02,
                               direction=1 - 2 * (number % 2), resumes=RESUMES)
-            linger(graph, partial(getattr, track, 'finished'), GIVE_UP)
+            graph.spin(partial(getattr, track, 'finished'), GIVE_UP)
             if not track.finished:
                 track.cancel()
-                linger(graph, partial(getattr, track, 'finished'), 5.0)
+                graph.spin(partial(getattr, track, 'finished'), 5.0)
             ended.append((begin, time.time(), track.reason or 'not ended'))
             graph.nodes.remove(track)
             graph.executor.remove_node(track)
-            linger(graph, lambda: False)
+            graph.spin(lambda: False, SETTLE)
             track.destroy_node()
     return ended
 

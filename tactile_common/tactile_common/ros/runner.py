@@ -5,6 +5,7 @@ from contextlib import contextmanager, suppress
 import faulthandler
 import gc
 import inspect
+import math
 import os
 import re
 import signal
@@ -51,9 +52,10 @@ def make_executor(context: rclpy.Context) -> Executor:
     return _Executor(context=context)
 
 
-def spin(executor: Executor, context: rclpy.Context, until: Callable[[], bool]) -> None:
+def spin(executor: Executor, context: rclpy.Context, until: Callable[[], bool],
+         seconds: float = math.inf) -> None:
     """
-    Process callbacks until the context is shut down or `until()` returns True.
+    Process callbacks until the context is shut down, `until()` returns True or the time is over.
 
     This is a loop of `spin_once`: `EventsExecutor.spin` uses a whole core in some builds, and
     repeated short waits for a future starve its timers on a busy machine.
@@ -62,8 +64,8 @@ def spin(executor: Executor, context: rclpy.Context, until: Callable[[], bool]) 
     callback, such as an answer that cannot be sent, does not end the loop: the nodes count it (see
     `TactileNode`).
     """
-    failed = 0
-    while context.ok() and not until():
+    failed, end = 0, time.monotonic() + seconds
+    while context.ok() and not until() and time.monotonic() < end:
         try:
             executor.spin_once(timeout_sec=_TICK)
             failed = 0
@@ -171,11 +173,8 @@ def run(node_class: Any, args: list[str] | None = None,
             if stopped and on_stop and until:
                 stop.requested = False  # a second signal ends it at once
                 on_stop(node)
-                end = time.monotonic() + _LAST_WORDS
-                spin(executor, context, lambda: until(node) or stop.is_set()
-                     or time.monotonic() > end)
-                end = time.monotonic() + _DELIVERY
-                spin(executor, context, lambda: stop.is_set() or time.monotonic() > end)
+                spin(executor, context, lambda: until(node) or stop.is_set(), _LAST_WORDS)
+                spin(executor, context, stop.is_set, _DELIVERY)
         finally:
             if stopped:  # by its own thread in C: rclpy may hold the interpreter's lock
                 faulthandler.dump_traceback_later(_ENDING, exit=True)
