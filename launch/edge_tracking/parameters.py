@@ -158,7 +158,6 @@ def main(args: list[str] | None = None) -> int:
 
 def names_in(namespace: str, robot_namespace: str = '') -> dict[str, str]:
     """Return the full names of all nodes in a namespace; the mock robot has its own."""
-    def full(name: str) -> str:
-        of = robot_namespace if name == 'mock_robot' else namespace
-        return '/'.join(('', *(part for part in (of.strip('/'), name) if part)))
-    return {name: full(name) for name in NODES}
+    own = {'mock_robot': robot_namespace}
+    return {name: f'/{own.get(name, namespace).strip("/")}/{name}'.replace('//', '/')
+            for name in NODES}

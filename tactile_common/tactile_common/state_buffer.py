@@ -1,7 +1,9 @@
 """Buffer of the last stamped states of something that moves, with interpolation."""
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable
 import math
+from operator import itemgetter
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -60,23 +62,16 @@ class StateBuffer(Generic[State]):
         """Return the state at a stamp; None if no states are close enough."""
         if self.newest_ns is None or stamp_ns > self.newest_ns + self._max_ahead_ns:
             return None
-        later_ns, later = self._states[-1]
-        if stamp_ns > later_ns and len(self._states) > 1:
-            before_ns, before = self._states[-2]
-            span = later_ns - before_ns
-            if span > self._max_gap_ns or stamp_ns - later_ns > ONWARD * span:
-                return None
-            return self._between(before, later, (stamp_ns - before_ns) / span)
-        for earlier_ns, earlier in reversed(self._states):
-            if earlier_ns <= stamp_ns:
-                break
-            later_ns, later = earlier_ns, earlier
-        else:
+        after = bisect_right(self._states, stamp_ns, key=itemgetter(0))
+        if not after:
             return None
+        before_ns, before = self._states[after - 1]
+        if before_ns == stamp_ns or len(self._states) == 1:
+            return before
+        after = min(after, len(self._states) - 1)  # beyond the newest: the last two go on
+        (earlier_ns, earlier), (later_ns, later) = self._states[after - 1], self._states[after]
         span = later_ns - earlier_ns
-        if not span or earlier_ns == stamp_ns:
-            return earlier
-        if span > self._max_gap_ns:
+        if span > self._max_gap_ns or stamp_ns - later_ns > ONWARD * span:
             return None
         return self._between(earlier, later, (stamp_ns - earlier_ns) / span)
 

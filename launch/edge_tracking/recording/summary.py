@@ -233,11 +233,6 @@ class ForceSeries(NamedTuple):
     type: np.ndarray  # numbers of Contact.msg
     centre_of_pressure: np.ndarray  # (N, 2) [m]
 
-    @property
-    def time(self) -> np.ndarray:
-        """Time since the first image [s]."""
-        return 1e-9 * (self.stamp_ns - self.stamp_ns[:1])
-
 
 def force_series(run: RunData) -> ForceSeries:
     """Return force and centre of pressure, from contacts or else from the images' moments."""

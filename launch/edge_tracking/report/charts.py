@@ -216,7 +216,7 @@ def curvatures(run: RunData) -> list[dict[str, Any]]:
 def pressed(run: RunData, series: ForceSeries) -> list[dict[str, Any]]:
     """Return the force, and the centre of pressure over time and on the array."""
     scale, unit = force_unit(series.unit)
-    time, centre = series.time, 1e3 * series.centre_of_pressure
+    time, centre = run.seconds(series.stamp_ns), 1e3 * series.centre_of_pressure
     loaded = series.force > 0.1 * np.nanmax(series.force, initial=0.0)
     moves = np.where(loaded[:, None], centre, np.nan)
     array = run.images.array

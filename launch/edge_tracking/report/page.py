@@ -154,12 +154,12 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
             + ' Coloured: other states than tracking, see there.')
         yield from _states(run)
     yield from _shape(it)
-    if not of_servo and len(series.time):
+    if not of_servo and len(series.stamp_ns):
         yield 'Force and centre of pressure', html.charts(charts.pressed(run, series)), (
             'Force is the zeroth moment of the picture. Without a calibration it is in counts '
             'times area and says nothing about newtons. The centre of pressure is shown where the '
-            f'force is above a tenth of its largest value. This recording: {len(series.time)} '
-            f'contacts in {np.ptp(series.time):.1f} s.')
+            f'force is above a tenth of its largest value. This recording: {len(series.stamp_ns)} '
+            f'contacts in {1e-9 * np.ptp(series.stamp_ns):.1f} s.')
     if len(latencies(run)[1]):
         yield 'Latency', html.charts(charts.latency(it)), (
             'From the last byte of an image at the driver to the end of the first control cycle '
