@@ -15,7 +15,7 @@ from time import time_ns
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rosbags.interfaces import (
     Connection,
     Qos,
@@ -101,13 +101,10 @@ class BagWriter:
 
 
 def _offered(qos: QoSProfile) -> Qos:
-    """Return the quality of service for players, in rosbags' format."""
-    best_effort = qos.reliability == ReliabilityPolicy.BEST_EFFORT
-    latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
-    return Qos(QosHistory.KEEP_LAST, qos.depth,
-               QosReliability.BEST_EFFORT if best_effort else QosReliability.RELIABLE,
-               QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
-               _INFINITE, _INFINITE, QosLiveliness.AUTOMATIC, _INFINITE, False)
+    """Return the quality of service for players; rosbags has the same numbers as rclpy."""
+    return Qos(QosHistory.KEEP_LAST, qos.depth, QosReliability(int(qos.reliability)),
+               QosDurability(int(qos.durability)), _INFINITE, _INFINITE,
+               QosLiveliness.AUTOMATIC, _INFINITE, False)
 
 
 class RecorderNode(TactileNode):

@@ -74,15 +74,20 @@ def newest(known: np.ndarray, stamps: np.ndarray) -> np.ndarray:
     return np.searchsorted(known, stamps, side='right') - 1
 
 
+def held(known: np.ndarray, values: np.ndarray, stamps: np.ndarray, before: float) -> np.ndarray:
+    """Return the newest values at stamps, and another value before the first."""
+    first = np.full((1, *values.shape[1:]), before, values.dtype)
+    return np.concatenate([values, first])[newest(known, stamps)]
+
+
 def truth(run: RunData, scene: Scene) -> Course:
     """Compare the recorded poses of the pad with the scene; time as in `run.seconds`."""
     poses, statuses, world = run.poses, run.statuses, scene.world()
     force, shift = np.empty(len(poses.stamp_ns)), np.zeros((len(poses.stamp_ns), 3))
     for index, pose in enumerate(poses.matrix):
         force[index], shift[index] = world.force(pose), world.shift  # it may slip
-    cycle = newest(statuses.stamp_ns, poses.stamp_ns)
     progress, tracking, settled = (
-        np.append(values, values.dtype.type(0))[cycle]  # -1, before the first cycle, gives 0
+        held(statuses.stamp_ns, values, poses.stamp_ns, 0)
         for values in (statuses.progress, *settled_cycles(statuses)))
     return scene.truth(Course(
         run.seconds(poses.stamp_ns), poses.matrix, force, shift, progress, tracking, settled))

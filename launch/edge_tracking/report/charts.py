@@ -9,6 +9,7 @@ from edge_tracking.recording.summary import (
     force_series,
     force_unit,
     ForceSeries,
+    held,
     latencies,
     newest,
     settled_cycles,
@@ -26,7 +27,6 @@ BLUE, ORANGE, GREY, INK, EDGE_COLOUR = '#1f5fa8', '#d4691e', '#7a808a', '#22262b
 MOST_POINTS = 4000  # per line; longer ones show smallest and largest value of each group
 MAX_BYTES = 1_500_000  # of the images in a page; others are omitted
 MAX_RATE = 60.0  # images per second
-MAX_POINTS = 5000  # of a path
 LEAST_ERROR = 5e-3  # mm, smallest range of an axis of errors
 SHADES = {
     State.APPROACH: '#eaf0f8', State.CORNER: '#fff4d6', State.SEARCH: '#fdebd3',
@@ -240,17 +240,11 @@ def chosen(run: RunData, pages: int = 1) -> np.ndarray:
     """Return the stamps [ns] that a player shows; those of images if there are any."""
     images, stamps = run.images, run.images.stamp_ns
     if not len(stamps):
-        return run.poses.stamp_ns[thinned(len(run.poses.stamp_ns), MAX_POINTS)]
+        return run.poses.stamp_ns[thinned(len(run.poses.stamp_ns), MOST_POINTS)]
     each = images.frames[0].size + 36
     seconds = 1e-9 * float(stamps[-1] - stamps[0])
     return stamps[thinned(len(stamps), int(min(
         MAX_BYTES / pages // each, max(MAX_RATE * seconds, 10.0))))]
-
-
-def _at(known: np.ndarray, values: np.ndarray, stamps: np.ndarray) -> np.ndarray:
-    """Return the newest values at stamps, NaN before the first."""
-    return np.concatenate([values, np.full((1, *values.shape[1:]), np.nan)])[
-        newest(known, stamps)]
 
 
 def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
@@ -264,17 +258,18 @@ def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
     centre = ~contacts.valid & (contacts.type > 0)
     placed[centre, :2] = contacts.centre_of_pressure[centre]
     touched = run.touches.matrix[:, :3, 3] if len(run.touches) else run.contour
-    force = _at(series.stamp_ns, series.force, stamps)
+    force = held(series.stamp_ns, series.force, stamps, np.nan)
     scale, unit = force_unit(series.unit)
     return {
         'rows': array.rows if array else 0, 'columns': array.columns if array else 0,
         'pitch': [float(array.pitch_x), float(array.pitch_y)] if array else [1.0, 1.0],
         'top': top, 'levels': packed(levels(frames, top), 'u1'),
         'time': packed(run.seconds(stamps), '<f4'),
-        'contact': packed(_at(contacts.stamp_ns, placed, stamps), '<f4'),
+        'contact': packed(held(contacts.stamp_ns, placed, stamps, np.nan), '<f4'),
         'force': packed(force, '<f4'), 'force_scale': scale, 'unit': unit,
-        'path': packed(_at(run.poses.stamp_ns, run.poses.matrix[:, :3, 3], stamps), '<f4'),
-        'touched': packed(touched[thinned(len(touched), MAX_POINTS)], '<f4'),
+        'path': packed(held(
+            run.poses.stamp_ns, run.poses.matrix[:, :3, 3], stamps, np.nan), '<f4'),
+        'touched': packed(touched[thinned(len(touched), MOST_POINTS)], '<f4'),
         'stages': [[stage.state.name.lower(), stage.reason] for stage in found],
         'stage': packed(newest(np.array([stage.begin for stage in found], np.int64), stamps),
                         '<i4'),
