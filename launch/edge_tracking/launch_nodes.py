@@ -35,9 +35,10 @@ CONTROL = ('controller_manager', 'hardware_interface', 'joint_state_broadcaster'
 START = 300.0  # s for the start of the nodes; the very first start compiles kernels
 
 
-def as_text(text: str) -> ParameterValue:
-    """Force a parameter to be a text: a URDF would otherwise be parsed as YAML."""
-    return ParameterValue(text, value_type=str)
+def typed(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters whose texts stay texts: launch would parse a URDF as YAML."""
+    return {name: ParameterValue(value, value_type=str) if isinstance(value, str) else value
+            for name, value in parameters.items()}
 
 
 class Nodes:
@@ -118,10 +119,9 @@ class Nodes:
             respawn=value['use_respawn'] and dies, respawn_delay=RESPAWN_DELAY,
             remappings=[('/joint_states', f'{self.robot_namespace}/joint_states')],
             ros_arguments=['--log-level', value['log_level']],
-            parameters=[value['params_file'], {
-                'use_sim_time': value['use_sim_time'],
-                **{key: as_text(it) if isinstance(it, str) else it
-                   for key, it in {**self.own.get(executable, {}), **parameters}.items()}}])
+            parameters=[value['params_file'], typed({
+                'use_sim_time': value['use_sim_time'], **self.own.get(executable, {}),
+                **parameters})])
         return [action, *ends_with(action)] if dies and not value['use_respawn'] else [action]
 
     def sensing(self) -> list[Any]:
@@ -200,8 +200,8 @@ class Nodes:
         return [Node(
             package='robot_state_publisher', executable='robot_state_publisher',
             namespace=self.robot_namespace or '/', remappings=self.frames(''),
-            parameters=[{'robot_description': as_text(text),
-                         'use_sim_time': self.value['use_sim_time']}])]
+            parameters=[typed({'robot_description': text,
+                               'use_sim_time': self.value['use_sim_time']})])]
 
     def frames(self, namespace: str) -> list[tuple[str, str]]:
         """Return remappings that give a robot in a namespace a separate tree of frames."""

@@ -11,7 +11,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from edge_tracking.launch_interrupt import leave_interrupt_to_launch, PREFIX
-from edge_tracking.launch_nodes import as_text, ends_with
+from edge_tracking.launch_nodes import ends_with, typed
 from edge_tracking.parameters import parameters_of
 from edge_tracking.recording.settings import Settings
 from edge_tracking.recording.topics import GraphBag
@@ -45,9 +45,8 @@ def actions(context):
         recorded = settings.recorded.get(name, {})
         own = {it.name: recorded[it.name] for it in parameters_of(name, settings.law)
                if it.name in recorded}
-        node = Node(package=package, executable=name, exec_name=name, parameters=[{
-            'use_sim_time': True, **{key: as_text(it) if isinstance(it, str) else it
-                                     for key, it in own.items()}}], **common)
+        node = Node(package=package, executable=name, exec_name=name,
+                    parameters=[typed({'use_sim_time': True, **own})], **common)
         yield from (node, *ends_with(node))
     if value('view') == 'true':
         yield Node(package='edge_tracking', executable='view', exec_name='view',
