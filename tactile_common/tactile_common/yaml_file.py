@@ -40,15 +40,20 @@ def read_yaml(path: str | os.PathLike) -> Any:
             raw = stream.read(MAX_BYTES + 1)
         if len(raw) > MAX_BYTES:
             raise ConfigurationError(f'has more than {MAX_BYTES} bytes, which is no such file')
-        text = raw.decode('utf-8')
-        _check(yaml.parse(text, Loader=_Loader))
-        return yaml.load(text, Loader=_Loader)
-    except ConfigurationError:
-        raise
+        return parse_yaml(raw.decode('utf-8'))
     except OSError as error:
         raise ConfigurationError(f'cannot be read: {error.strerror or error}') from error
     except UnicodeDecodeError as error:
         raise ConfigurationError('cannot be read: not a text in UTF-8') from error
+
+
+def parse_yaml(text: str) -> Any:
+    """Return the values of a YAML text, as `read_yaml` does; raises a ConfigurationError."""
+    try:
+        _check(yaml.parse(text, Loader=_Loader))
+        return yaml.load(text, Loader=_Loader)
+    except ConfigurationError:
+        raise
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
         reason = ' '.join(str(error).split())
         raise ConfigurationError(f'is not YAML: {reason:.300}') from error

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 from rclpy.parameter import parameter_value_to_python
-import yaml
 
 from edge_tracking.parameters import NODES, parameters_of, SERVO
 from edge_tracking.recording.topics import GraphBag
 from tactile_common.config import did_you_mean
-from tactile_common.errors import ConfigurationError
+from tactile_common.errors import ConfigurationError, naming
 from tactile_common.parameter_file import ParameterFile, refuse_unknown
+from tactile_common.yaml_file import parse_yaml
 from tactile_servo.laws.registry import DEFAULT, law_for, law_named
 from tactile_servo.robot_config import NodeConfig
 
@@ -53,15 +53,14 @@ class Settings:
                                          f'{did_you_mean(node, REPLAYED)}')
             if node in idle:
                 raise ConfigurationError(f'--set {wish}: {node} is not replayed, {idle[node]}')
-            self.changed.setdefault(node, {})[name] = _value(wish, text)
+            with naming(f'--set {wish}'):
+                self.changed.setdefault(node, {})[name] = parse_yaml(text)
         for node, values in self.changed.items():
-            try:
+            with naming(f'--set {node}'):
                 law_for(action, self.law)
                 refuse_unknown(values, [it.name for it in parameters_of(node, self.law)])
                 for kind in NODES[node]:
                     self.config(node, kind)
-            except ConfigurationError as error:
-                raise ConfigurationError(f'--set {node}: {error}') from error
 
     def config(self, node: str, kind: type) -> Any:
         """Return a dataclass of the parameters of a node."""
@@ -77,16 +76,6 @@ class Settings:
     def has_robot(self) -> bool:
         """True if the servo's parameters are known."""
         return bool(self.recorded.get(SERVO, {}).get('robot_description'))
-
-
-def _value(wish: str, text: str) -> Any:
-    try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ConfigurationError(f'--set {wish}: {text!r} is no value') from error
-    with suppress(ValueError):
-        return float(value) if isinstance(value, str) else value  # YAML reads 1e-3 as a text
-    return value
 
 
 def _told(parameters: Sequence[Any]) -> dict[str, Any]:
