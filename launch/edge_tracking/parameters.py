@@ -136,7 +136,11 @@ def _yaml(value: Any) -> str:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Print every parameter, or check a file; exit status 2 if a node would refuse it."""
+    """
+    Print every parameter, or check a file.
+
+    The exit status is 2 if a node would refuse the file, 1 if a name in it is unknown.
+    """
     parser = Parser(
         prog='parameters', description='Prints a parameter file with every parameter, its '
         'default, unit and bounds; or checks a file.')
@@ -153,6 +157,7 @@ def main(args: list[str] | None = None) -> int:
             print(f'parameters: {text}', file=sys.stderr)
         if not warnings:
             print(f'parameters: {options.check} is right', file=sys.stderr)
+        command.status = int(bool(warnings))
     return command.status
 
 

@@ -88,7 +88,7 @@ def test_unknown_nodes_are_warned_of_with_the_nearest_known_one(written, capsys)
     warnings = [text.removeprefix(f'parameter file {path}: ')
                 for text in check_file(path, TACTILE)]
     assert warnings == ['no node /**/edge_serve; did you mean edge_servo?', 'no node /**/other']
-    assert main(['--check', str(path)]) == 0
+    assert main(['--check', str(path)]) == 1
     assert 'did you mean edge_servo?' in capsys.readouterr().err
 
 
