@@ -57,54 +57,14 @@ class LocalQuadricConfig:
         check_fields(self)
 
 
-class ContactWindow:
+class LocalQuadric(SurfaceEstimator):
     """
-    Contacts of the last part of a path, in which the normal has turned by at most `MAX_TURN`.
+    Estimates the surface at each new contact of a path.
 
     Contacts within one cell, usually a 24th of the window, are averaged. This bounds time and
-    memory however slowly the finger moves, and prevents noise from lengthening the path. `length`
-    is that of the path [m]; `cell`, the distance within which contacts are averaged [m], must be
-    well above their noise.
+    memory however slowly the finger moves, and prevents noise from lengthening the path. The
+    window ends where the normal has turned by more than `MAX_TURN`.
     """
-
-    def __init__(self, length: float, cell: float):
-        self._length, self._cell = length, cell
-        self._cells = np.empty((0, 7))  # mean point, mean normal, number of contacts
-        self._start = np.full(3, np.nan)  # first point of the newest cell
-
-    def add(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """
-        Add a contact (3,) with its normal (3,); return the cells of the window, oldest first.
-
-        They are a view (m, 7) that is valid until the next contact is added.
-        """
-        contact = np.concatenate([point, normal])
-        away = point - self._start
-        if away @ away < self._cell**2:  # false for the first contact: start is NaN
-            newest = self._cells[-1]
-            newest[6] += 1.0
-            newest[:6] += (contact - newest[:6]) / newest[6]
-        else:
-            self._cells = np.vstack([self._cells[1 - MAX_CELLS:], [*contact, 1.0]])
-            self._start = point
-        normals = self._cells[:, 3:6]
-        # From the newest cell backwards.
-        travel = np.cumsum(_steps(self._cells)[::-1])
-        lengths = np.sqrt((normals * normals).sum(axis=1))
-        turned = normals @ normals[-1] < np.cos(MAX_TURN) * lengths * lengths[-1]
-        beyond = (travel > self._length) | turned[-2::-1]
-        steps = int(beyond.argmax()) if beyond.any() else len(beyond)
-        return self._cells[len(self._cells) - 1 - steps:]
-
-
-def _steps(cells: np.ndarray) -> np.ndarray:
-    """Return the distances (m - 1,) between successive cells (m, 7) [m]."""
-    steps = np.diff(cells[:, :3], axis=0)
-    return np.sqrt((steps * steps).sum(axis=1))
-
-
-class LocalQuadric(SurfaceEstimator):
-    """Estimates the surface at each new contact of a path."""
 
     method = 'local_quadric'
 
@@ -115,18 +75,37 @@ class LocalQuadric(SurfaceEstimator):
         self._noise = Noise(
             c.position_noise, c.location_noise, math.hypot(NORMAL_NOISE, on_finger),
             c.finger_radius * NORMAL_NOISE)
+        # Contacts nearer than this are averaged [m].
         self._cell = max(
             c.window / CELLS, CELL_NOISE * math.hypot(c.position_noise, c.location_noise))
         self.reset()
 
     def reset(self) -> None:  # noqa: D102
-        self._window = ContactWindow(self.config.window, self._cell)
-        self._cells = np.empty((0, 7))
+        # Mean centre of the finger, mean normal and number of contacts of each cell, oldest first.
+        self._kept = np.empty((0, 7))
+        self._cells = self._kept  # those of the window
+        self._start = np.full(3, np.nan)  # first centre of the newest cell
 
     def add(self, position: np.ndarray, normal: np.ndarray) -> None:  # noqa: D102
         self._normal = normal
         self._centre = position - self.config.finger_radius * normal
-        self._cells = self._window.add(self._centre, normal)
+        contact = np.concatenate([self._centre, normal])
+        away = self._centre - self._start
+        if away @ away < self._cell**2:  # false for the first contact: start is NaN
+            newest = self._kept[-1]
+            newest[6] += 1.0
+            newest[:6] += (contact - newest[:6]) / newest[6]
+        else:
+            self._kept = np.vstack([self._kept[1 - MAX_CELLS:], [*contact, 1.0]])
+            self._start = self._centre
+        normals = self._kept[:, 3:6]
+        # From the newest cell backwards.
+        travel = np.cumsum(_steps(self._kept)[::-1])
+        lengths = np.sqrt((normals * normals).sum(axis=1))
+        turned = normals @ normals[-1] < np.cos(MAX_TURN) * lengths * lengths[-1]
+        beyond = (travel > self.config.window) | turned[-2::-1]
+        steps = int(beyond.argmax()) if beyond.any() else len(beyond)
+        self._cells = self._kept[len(self._kept) - 1 - steps:]
 
     def estimate(self) -> Patch:  # noqa: D102
         if not len(self._cells):
@@ -177,6 +156,12 @@ class LocalQuadric(SurfaceEstimator):
         return fit_curvature(
             cells[:, :3] - self._centre, cells[:, 3:6], np.minimum(cells[:, 6], MAX_WEIGHT),
             tangent_frame(self._normal), self._noise)
+
+
+def _steps(cells: np.ndarray) -> np.ndarray:
+    """Return the distances (m - 1,) between successive cells (m, 7) [m]."""
+    steps = np.diff(cells[:, :3], axis=0)
+    return np.sqrt((steps * steps).sum(axis=1))
 
 
 def _frame(centre: np.ndarray, fit: CurvatureFit, radius: float) -> np.ndarray:
