@@ -13,8 +13,8 @@ from tactile_common.ros.conversions import stamp_from_ns
 from tactile_common.ros.message_definitions import definition_of
 from tactile_msgs.msg import Contact as ContactMsg
 from tactile_shape.cli import fit
+from tactile_shape.cli.fit import COLUMNS
 from tactile_shape.local_surface.local_quadric import LocalQuadric
-from tactile_shape.patch_table import COLUMNS
 from tactile_shape.types.patch import Kind
 
 RADIUS = 0.035

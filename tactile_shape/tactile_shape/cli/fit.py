@@ -1,24 +1,58 @@
 """Offline command that fits the surface at every contact of a recorded path."""
 import argparse
+from collections import Counter
 from collections.abc import Iterable
 import dataclasses
 import os
+import re
 from textwrap import indent
 import time
 from typing import Any
+
+import numpy as np
 
 from tactile_common.command_line import file_to_write, Parser, PICTURES, run_command
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import write_arrays
 from tactile_common.progress import Progress
-from tactile_shape.contact_recording import load_contacts
+from tactile_shape.contact_recording import ContactRecording, load_contacts
+from tactile_shape.contour.contact_path import Placed, SpatialContact
 from tactile_shape.contour.outline import find_outline
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
 from tactile_shape.mesh import save_mesh
-from tactile_shape.patch_table import COLUMNS, KINDS, PatchTable
 from tactile_shape.shape_estimator import ESTIMATORS, ShapeEstimator
+from tactile_shape.types.patch import Kind
 
 QUIET = 1.0  # time before the progress bar appears [s]
+MANY = 0.9  # share of patches with both curvatures negative that gives a hint
+# Parts of a reason that differ from contact to contact.
+_NUMBERS = re.compile(
+    '^the path of [^ ]+ mm is |^[0-9]+ contacts see |, not all of .*|: they scatter by .*')
+
+# Type and meaning of each array of the output.
+COLUMNS = {
+    't': ('f8', 'time of the contact [s]'),
+    'origin': ('3f8', 'contact on the fitted surface [m]'),
+    'frame': ('(4,4)f8', 'pose of the contact frame: x, y principal directions, z inward normal '
+              '[m]'),
+    'kind': ('u1', 'least surface that explains the path; see Kinds'),
+    'valid': ('?', 'whether the row may be used'),
+    'curvature': ('2f8', 'principal curvatures, the larger in magnitude first, positive for '
+                  'convex [1/m]'),
+    'seen': ('2?', 'whether the path could see each; if not, it is a prior'),
+    'directions': ('(2,3)f8', 'principal directions, a row each'),
+    'covariance': ('(2,2)f8', 'of the curvatures [1/m^2]'),
+    'surface_matrix': ('(4,4)f8', "S of X' S X = 0, X = [x y z 1]', in the frame of the positions "
+                       '[m]'),
+    'n': ('u4', 'contacts used'),
+    'window': ('f8', 'length of the path that was used [m]'),
+    'residual': ('f8', 'RMS in standard deviations'),
+}
+_ATTRIBUTES = {'n': 'samples', 'window': 'extent'}  # of a patch, where the names differ
+KINDS = {
+    Kind.NONE: 'not determined: the row is not valid', Kind.PLANE: 'plane',
+    Kind.CYLINDER: 'cylinder: curved in one direction', Kind.SPHERE: 'sphere',
+    Kind.GENERAL: 'curved differently in the two directions'}
 
 EXAMPLE = """\
   python3 -c "
@@ -40,8 +74,7 @@ def _table(rows: Iterable[tuple[Any, str]], width: int) -> str:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    arrays = _table(((name, column.text + (f' [{column.unit}]' if column.unit else ''))
-                     for name, column in COLUMNS.items()), 16)
+    arrays = _table(((name, text) for name, (_, text) in COLUMNS.items()), 16)
     kinds = _table(((int(kind), text) for kind, text in KINDS.items()), 3)
     arguments = Parser(
         prog='fit', formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -100,17 +133,15 @@ def run(options: argparse.Namespace) -> str:
     if options.out.exists() and os.path.samefile(options.recording, options.out):
         raise ConfigurationError(f'{options.out}: is the input as well')
     estimator = ShapeEstimator(ESTIMATORS[options.method](config))
-    model, count = estimator.model, len(recording)
-    table = PatchTable(recording, estimator)
     begin = time.perf_counter()
-    with Progress(count, QUIET) as progress:
-        for done in table.fill():
-            progress.show(done, 'fit', f'{done} of {count} contacts')
-    rate = count / max(time.perf_counter() - begin, 1e-9)
-    write_arrays(options.out, **{name: table.records[name] for name in COLUMNS})
-    text = [f'{options.out}: {count} contacts, {rate:.0f} contacts/s; {table}']
-    if hint := table.hint(config.window):
+    records, reasons = _fit(recording, estimator)
+    rate = len(recording) / max(time.perf_counter() - begin, 1e-9)
+    write_arrays(options.out, **{name: records[name] for name in COLUMNS})
+    text = [f'{options.out}: {len(recording)} contacts, {rate:.0f} contacts/s; '
+            + _summary(records, reasons)]
+    if hint := _hint(recording.position, records, config.window):
         text.append(f'hint: {hint}')
+    model = estimator.model
     if options.outline:
         text.append(str(find_outline(model.contour)))
     if options.contour:
@@ -119,8 +150,55 @@ def run(options: argparse.Namespace) -> str:
         save_mesh(options.ply, model.patches)
     if options.plot:
         from tactile_shape.cli.plots import draw_patches  # needs matplotlib
-        draw_patches(options.plot, recording, table, model)
+        draw_patches(options.plot, recording.position, records, model)
     return '\n'.join(text)
+
+
+def _fit(recording: ContactRecording,
+         estimator: ShapeEstimator) -> tuple[np.ndarray, Counter[str]]:
+    """Return a record with `COLUMNS` per contact, and the number of invalid ones by reason."""
+    count, reasons = len(recording), Counter[str]()
+    records = np.zeros(count, [(name, kind) for name, (kind, _) in COLUMNS.items()])
+    records['t'] = recording.t
+    with Progress(count, QUIET) as progress:
+        for k, (position, normal, edge) in enumerate(zip(
+                recording.position, recording.normal, recording.edge, strict=True)):
+            lost = bool(np.isnan(position).any())
+            contact = None if lost else SpatialContact(position, normal, edge)
+            patch = estimator.take(Placed(None, contact, lost, 'nothing is touched'))
+            for name in COLUMNS.keys() - {'t'}:
+                records[name][k] = getattr(patch, _ATTRIBUTES.get(name, name))
+            if not patch.valid:
+                reasons[_NUMBERS.sub('', patch.reason)] += 1
+            progress.show(k + 1, 'fit', f'{k + 1} of {count} contacts')
+    return records, reasons
+
+
+def _summary(records: np.ndarray, reasons: Counter[str]) -> str:
+    """Return the number of patches of each kind with their median curvatures."""
+    valid = records[records['valid']]
+    parts = []
+    for kind in Kind:
+        some = valid[valid['kind'] == kind]
+        if len(some):
+            one, other = np.median(some['curvature'], axis=0)
+            parts.append(f'{len(some)} {kind.name.lower()} ({one:.4g}, {other:.4g} 1/m)')
+    parts.append(f'{len(records) - len(valid)} not valid' + ''.join(
+        f'; {count} {reason}' for reason, count in reasons.items()))
+    return ', '.join(parts)
+
+
+def _hint(position: np.ndarray, records: np.ndarray, window: float) -> str:
+    """Return a probable mistake in the units or signs of the input; empty if none shows."""
+    steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    if (step := np.nanmedian(steps) if np.isfinite(steps).any() else 0.0) > window:
+        return (f'contacts are {step:.3g} m apart, more than the window of {window:g} m; are '
+                'positions in metres?')
+    seen = records[records['valid'] & records['seen'].all(axis=1)]
+    if len(seen) and (seen['curvature'].max(axis=1) < 0.0).mean() > MANY:
+        return ('the surface is concave nearly throughout; if the object is convex, the '
+                'normals point out of it and must point into it')
+    return ''
 
 
 def main(args: list[str] | None = None) -> int:

@@ -5,20 +5,18 @@ from typing import Any
 from matplotlib.figure import Figure
 import numpy as np
 
-from tactile_shape.contact_recording import ContactRecording
 from tactile_shape.contour.object_model import ObjectModel
 from tactile_shape.mesh import COLOURS, mesh_of
-from tactile_shape.patch_table import PatchTable
 from tactile_shape.types.patch import Kind
 
 
-def draw_patches(path: str | PathLike, recording: ContactRecording, table: PatchTable,
+def draw_patches(path: str | PathLike, position: np.ndarray, records: np.ndarray,
                  model: ObjectModel) -> None:
-    """Draw samples and patches, and curvatures over time."""
+    """Draw contacts (N, 3) [m] and patches, and curvatures over time; records as of `fit`."""
     figure = Figure(figsize=(11, 4.5), layout='constrained')
     grid = figure.add_gridspec(1, 2, width_ratios=(1.1, 1.0))
-    _model(figure.add_subplot(grid[0], projection='3d'), model, recording.position)
-    _curvature(figure.add_subplot(grid[1]), table.records)
+    _model(figure.add_subplot(grid[0], projection='3d'), model, position)
+    _curvature(figure.add_subplot(grid[1]), records)
     figure.savefig(path, dpi=110)
 
 
