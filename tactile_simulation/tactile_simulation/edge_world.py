@@ -121,29 +121,27 @@ class EdgeWorld(World):
     """
 
     def render(self, pose: np.ndarray) -> np.ndarray:
-        self._slip(pose)
         scene = self.scene
         return render(self._points(pose), self.array, scene.skin, scene.edge.solid,
                       scene.sensor.area)
 
     def force(self, pose: np.ndarray) -> float:
-        self._slip(pose)
-        return self._force(pose)
+        return self._force(self._points(pose))
 
-    def _force(self, pose: np.ndarray) -> float:
-        return force_on(self._points(pose), self.array, self.scene.skin, self.scene.edge.solid)
+    def _force(self, points: np.ndarray) -> float:
+        return force_on(points, self.array, self.scene.skin, self.scene.edge.solid)
 
     def _points(self, pose: np.ndarray) -> np.ndarray:
-        # Rows are points, so the transpose of base -> sensor is needed: the rotation itself.
-        return (self.scene.edge.points + (self.shift - pose[:3, 3])) @ pose[:3, :3]
-
-    def _slip(self, pose: np.ndarray) -> None:
+        """Return the edge (N, 3) in the sensor frame [m], after the slip that is due."""
         edge, slip = self.scene.edge, self.scene.slip
-        if slip is None or self.shift.any() or self._force(pose) <= 0.0:
-            return
-        if edge.nearest(pose[:3, 3])[1][0] >= slip.s:
-            along = edge.tangent_at(slip.s)
-            self.shift = slip.offset * np.array([-along[1], along[0], 0.0])
+        # Rows are points, so the transpose of base -> sensor is needed: the rotation itself.
+        points = (edge.points + (self.shift - pose[:3, 3])) @ pose[:3, :3]
+        if (slip is None or self.shift.any() or self._force(points) <= 0.0
+                or edge.nearest(pose[:3, 3])[1][0] < slip.s):
+            return points
+        along = edge.tangent_at(slip.s)
+        self.shift = slip.offset * np.array([-along[1], along[0], 0.0])
+        return self._points(pose)
 
 
 def contour_errors(contour: np.ndarray, edge: EdgePath) -> tuple[float, float]:
