@@ -7,7 +7,6 @@ dead time and acceleration of the scene's plant, or the robot of a URDF.
 import argparse
 import sys
 import time
-from typing import Any
 
 import numpy as np
 
@@ -93,11 +92,11 @@ def refuse_what_does_not_apply(options: argparse.Namespace, scene: Scene) -> Non
             raise ConfigurationError(f'--{name.replace("_", "-")} does not apply to {what}')
 
 
-def goal_of(options: argparse.Namespace, scene: Any) -> EdgeGoal | SurfaceGoal:
+def goal_of(options: argparse.Namespace, scene: Scene, law: str) -> EdgeGoal | SurfaceGoal:
     """Return the goal of the options."""
     timeout = CLIENT_TIMEOUT if options.fault else 0.0
     if scene.action == 'track_edge':
-        closed = scene.closed and not options.length and LAWS[options.law].closes_contours
+        closed = scene.closed and not options.length and LAWS[law].closes_contours
         return EdgeGoal(options.speed, options.force, options.direction or 1,
                         options.length or 0.0, closed=closed, client_timeout=timeout)
     angle = np.radians(90.0 if options.heading is None else options.heading)
@@ -109,13 +108,22 @@ def goal_of(options: argparse.Namespace, scene: Any) -> EdgeGoal | SurfaceGoal:
         client_timeout=timeout)
 
 
-def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:
+def law_of(options: argparse.Namespace, scene: Scene, file: ParameterFile) -> str:
+    """Return the law from options or file; ConfigurationError for parameters of no law."""
+    known = {parameter.name for row in LAWS.values() for parameter in parameters_of(
+        (NodeConfig, ServoConfig, row.law.config_type))}
+    for section, values in file.sections:
+        if section.rpartition('/')[2] == NODE.rpartition('/')[2]:
+            file.refuse_unknown(section, values, known)
+    return law_for(scene.action, options.law or file.values(NODE).get('law'))
+
+
+def simulation_of(options: argparse.Namespace, scene: Scene, law: str,
+                  file: ParameterFile) -> Simulation:
     """Return the closed loop of a scene with robot, limits, box and settings from the options."""
-    file, own = ParameterFile(options.parameters), scene.parameters()
-    config = file.config(NODE, ServoConfig)
+    own, config = scene.parameters(), file.config(NODE, ServoConfig)
     check_goal(options.speed, options.force, config)
-    law = LAWS[options.law].law.config_type
-    settings = file.config(NODE, law, own.get('edge_servo'))
+    settings = file.config(NODE, LAWS[law].law.config_type, own.get('edge_servo'))
     node = file.config(NODE, NodeConfig, {'robot_description': options.robot or '', **(
         {'tip_frame': options.tip} if options.tip else {})})
     box = box_of(node)
@@ -124,23 +132,11 @@ def simulation_of(options: argparse.Namespace, scene: Scene) -> Simulation:
         raise ConfigurationError(f'the start of {scene.name} lies {outside.max():.6g} m outside '
                                  'of workspace.lower and workspace.upper')
     return Simulation(
-        scene, options.law, seed=options.seed, latency=options.latency, config=config,
+        scene, law, seed=options.seed, latency=options.latency, config=config,
         settings=settings, robot=robot_of(node)[:2] if options.robot else None,
         seed_positions=options.start, workspace=box, clock=time.perf_counter, faults=[
             Fault.of(text) for text in options.fault], estimator=file.config(
             '/tactile/contact_estimator', EstimatorConfig, own.get('contact_estimator')))
-
-
-def law_of(options: argparse.Namespace, scene: Scene) -> str:
-    """Return the law from options or file; ConfigurationError for parameters of no law."""
-    file = ParameterFile(options.parameters)
-    known = {parameter.name for row in LAWS.values() for parameter in parameters_of(
-        (NodeConfig, ServoConfig, row.law.config_type))}
-    for section, values in file.sections:
-        if section.rpartition('/')[2] == NODE.rpartition('/')[2]:
-            file.refuse_unknown(section, values, known)
-    named = file.values(NODE).get('law')
-    return law_for(scene.action, options.law or named)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -149,8 +145,9 @@ def main(argv: list[str] | None = None) -> int:
         options = parser().parse_args(argv)
         scene = load_scene(options.scene)
         refuse_what_does_not_apply(options, scene)
-        options.law = law_of(options, scene)
-        goal, simulation = goal_of(options, scene), simulation_of(options, scene)
+        file = ParameterFile(options.parameters)
+        law = law_of(options, scene, file)
+        goal, simulation = goal_of(options, scene, law), simulation_of(options, scene, law, file)
         begin = time.perf_counter()
         simulation.run(goal, options.timeout)
         summary = simulation.summary(goal, time.perf_counter() - begin)
