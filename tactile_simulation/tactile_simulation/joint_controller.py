@@ -96,14 +96,14 @@ class MockController:
             if not low <= q <= high:
                 raise ConfigurationError(
                     f'initial positions: {name} = {q:.6g}, must be within {low:.6g}..{high:.6g}')
-        self._from_desired, self._period = from_desired, 1.0 / rate
-        self._joints = DelayedLag(start, plant.dead_time, plant.lag)
+        self._plant, self._from_desired, self._period = plant, from_desired, 1.0 / rate
         self.limit_violations, self._active = 0, True
         self._restart(start)
 
     def _restart(self, positions: np.ndarray) -> None:
         self._time: float | None = None
         self._command = positions
+        self._joints = DelayedLag(positions, self._plant.dead_time, self._plant.lag)
         self.activate(self._active)
 
     def activate(self, active: bool) -> None:
@@ -148,7 +148,6 @@ class MockController:
             return self.measured(now)
         if self._time is not None and now < self._time:
             self._restart(self._joints.position)
-            self._joints.restart()
         measured = self._joints.advance(now)
         elapsed = self._period if self._time is None else now - self._time
         if self._pending is not None:
@@ -201,10 +200,6 @@ class DelayedLag:
     def __init__(self, position: np.ndarray, dead_time: float, lag: float):
         self._dead_time, self._lag = dead_time, lag
         self.position = np.array(position, dtype=float)
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget the time and all pending commands; come to rest."""
         self.velocity = np.zeros_like(self.position)
         self._time = -math.inf
         self._last = -math.inf, self.position  # last knot that the joints have passed

@@ -284,8 +284,6 @@ def test_an_arm_that_was_moved_meanwhile_goes_on_from_there(way):
     pose[2, 3] += way  # off the edge
     there = loop.model.inverse(pose, robot.measured(loop.now)[0])
     robot._restart(there)
-    robot._joints.position = there.copy()
-    robot._joints.restart()
     loop.run(None, 0.3)
     assert loop.servo.state == State.HOLD
     it.began, it.place = loop.now, loop.pose[:3, 3].copy()
