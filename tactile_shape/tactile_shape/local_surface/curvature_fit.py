@@ -209,12 +209,14 @@ def along(heading: float) -> np.ndarray:
     return np.array([c * c, c * s, s * s])
 
 
-def _gain(information: np.ndarray, right: np.ndarray, form: np.ndarray) -> float:
-    """Return the reduction of chi-square by the best curvature of a form (3,)."""
-    return (form @ right)**2 / (form @ information @ form)
+def _best(information: np.ndarray, right: np.ndarray,
+          form: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the best curvature of a form (3,) and its reduction of chi-square."""
+    share, stiffness = form @ right, form @ information @ form
+    return share / stiffness * form, share**2 / stiffness
 
 
-def _best_cylinder(information: np.ndarray, right: np.ndarray) -> float:
+def _best_heading(information: np.ndarray, right: np.ndarray) -> float:
     """Return the heading of the cylinder that reduces chi-square most [rad]."""
     # With t the tangent of the heading, the reduction is p(t)^2 / q(t). At its maximum
     # 2 p' q = p q', a polynomial of degree 4.
@@ -223,7 +225,7 @@ def _best_cylinder(information: np.ndarray, right: np.ndarray) -> float:
     stationary = (2.0 * np.convolve(p[:2] * [2.0, 1.0], q)
                   - np.convolve(p, q[:4] * [4.0, 3.0, 2.0, 1.0]))
     headings = [0.5 * math.pi, *np.arctan(np.roots(stationary[1:]).real).tolist()]
-    return max(headings, key=lambda heading: _gain(information, right, along(heading)))
+    return max(headings, key=lambda heading: _best(information, right, along(heading))[1])
 
 
 def least_model(information: np.ndarray, right: np.ndarray,
@@ -238,16 +240,16 @@ def least_model(information: np.ndarray, right: np.ndarray,
     most = full @ right
     if most < LEVELS[count]:
         return Kind.PLANE, np.zeros(3)
-    form = along(_best_cylinder(information, right))
-    cylinder = form @ right / (form @ information @ form) * form
+    form = along(_best_heading(information, right))
+    cylinder, by_cylinder = _best(information, right, form)
     if count < 3:
         # A cylinder gives the curvature across the path from the other two, provided that it
         # depends little on the unseen element.
         return (Kind.CYLINDER, cylinder) if form[0] > 0.5 else (Kind.GENERAL, full)
-    sphere_gap = most - _gain(information, right, _ALIKE)
-    cylinder_gap = most - _gain(information, right, form)
+    sphere, by_sphere = _best(information, right, _ALIKE)
+    sphere_gap, cylinder_gap = most - by_sphere, most - by_cylinder
     if sphere_gap < LEVELS[2] and sphere_gap < cylinder_gap + LEVELS[1]:
-        return Kind.SPHERE, _ALIKE @ right / (_ALIKE @ information @ _ALIKE) * _ALIKE
+        return Kind.SPHERE, sphere
     return (Kind.CYLINDER, cylinder) if cylinder_gap < LEVELS[1] else (Kind.GENERAL, full)
 
 
