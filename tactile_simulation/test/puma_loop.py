@@ -7,6 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tactile_sensing.dome.finite_elements import SkinConfig
 from tactile_servo.motion.limits import JointLimits
@@ -38,6 +39,21 @@ def free_controller(start, **options):
     free = SimpleNamespace(joint_names=PUMA.joint_names, lower=np.full(6, -np.inf),
                            upper=np.full(6, np.inf), velocity_limit=np.full(6, np.inf))
     return MockController(free, start, Plant(dead_time=0.0, lag=0.0), **options)
+
+
+def summary_of(simulation, goal, seconds=20.0):
+    """Run a goal; the summary of it."""
+    simulation.run(goal, seconds)
+    return simulation.summary(goal)
+
+
+def turned(simulation, axes, degrees):
+    """Mount the sensor of a simulation with turns about its own axes."""
+    turn, render, force = np.eye(4), simulation.world.render, simulation.world.force
+    turn[:3, :3] = Rotation.from_euler(axes, degrees, degrees=True).as_matrix()
+    simulation.world.render = lambda pose: render(pose @ turn)
+    simulation.world.force = lambda pose: force(pose @ turn)
+    return simulation
 
 
 def puma_loop(scene='straight', tracker='resolved_rate', *, latency=0.0025,

@@ -208,9 +208,7 @@ def test_a_hold_after_which_the_edge_is_not_seen_says_so_and_waits_to_be_asked()
 
 
 def test_who_asks_while_the_pad_lifts_off_in_a_hold_need_not_ask_again(it):
-    it.loop.sensor_alive = False
-    it.loop.run(None, 1.0)
-    it.loop.sensor_alive = True
+    it.sensing(1.0)
     it.loop.run(None, 0.1)
     assert it.loop.log[-1].force == 0.0 and it.loop.servo.state == State.HOLD
     assert it.loop.servo.pause(False, it.loop.now).code == ReasonCode.RESUMED

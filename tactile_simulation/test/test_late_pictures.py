@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from puma_loop import ROOT, tracked
+from puma_loop import ROOT, summary_of, tracked
 import pytest
 
 from tactile_sensing.devices.calibration import Calibration
@@ -127,10 +127,8 @@ def test_a_robot_that_is_late_does_not_make_it_swing(rate, dead_time, monkeypatc
     """With the full lateral gain the errors were .75, .066 and 2.3 mm RMS."""
     monkeypatch.setattr(closed_loop, 'ROBOT_STEP', 1.0 / rate)
     scene = load_scene('straight')
-    loop = Simulation(replace(scene, plant=replace(scene.plant, dead_time=dead_time)))
-    goal = EdgeGoal(0.1, 5.0)
-    loop.run(goal, 20.0)
-    summary = loop.summary(goal)
+    summary = summary_of(Simulation(replace(scene, plant=replace(
+        scene.plant, dead_time=dead_time))), EdgeGoal(0.1, 5.0))
     assert summary['ok'], summary['reason']
     assert summary['lateral_rms'] < 0.06e-3
 

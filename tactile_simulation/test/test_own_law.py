@@ -2,7 +2,7 @@
 
 from circling import Circling, CirclingConfig
 import numpy as np
-from puma_loop import coarse_scene
+from puma_loop import coarse_scene, summary_of
 import pytest
 
 from tactile_servo.laws.registry import LAWS, Row
@@ -16,9 +16,7 @@ def test_a_law_of_ones_own_circles_a_point(monkeypatch):
     monkeypatch.setitem(LAWS, 'circling', Row(Circling, 'track_surface'))
     simulation = Simulation(coarse_scene('plane'), 'circling',
                             settings=CirclingConfig(radius=RADIUS))
-    goal = SurfaceGoal(0.02, FORCE, duration=20.0)
-    simulation.run(goal, 20.0)
-    summary = simulation.summary(goal)
+    summary = summary_of(simulation, SurfaceGoal(0.02, FORCE, duration=20.0))
     assert summary['ok'] and summary['reason_code'] == 'path_completed'
     places = np.array([cycle.pose[:3, 3] for cycle in simulation.log
                        if cycle.status.state.name == 'TRACK'])

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from puma_loop import ROOT
+from puma_loop import ROOT, summary_of
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -19,6 +19,25 @@ PADS = [(8, 8, 2.5, 2.5), (16, 16, 1.0, 1.0), (16, 16, 4.0, 4.0), (28, 28, 1.27,
         (12, 24, 1.0, 1.5)]
 
 
+def on_an_edge(folder, path, skin, sensor, start):
+    """Scene of an edge along base y with a path, skin, sensor and start in YAML."""
+    file = folder / 'scene.yaml'
+    file.write_text(f"""
+name: pad
+description: An edge.
+edge: {{start: [0.36, -0.08, 0.15], heading: 90, path: [{path}]}}
+skin: {{{skin}}}
+sensor: {{{sensor}}}
+start: {{{start}}}
+""")
+    return load_scene(file)
+
+
+def size(tactels, pitch):
+    """Sensor of a square pad, in YAML; its pitch in mm."""
+    return f'rows: {tactels}, columns: {tactels}, pitch_x: {pitch}e-3, pitch_y: {pitch}e-3'
+
+
 @pytest.mark.parametrize('name, speed, pad', [
     ('course', 0.07, PADS[4]), ('tape_case', 0.1, PADS[0]),
     *(pytest.param('course', 0.07, pad, marks=pytest.mark.long) for pad in PADS[:4]),
@@ -32,10 +51,8 @@ skin: {{depth: {depth}}}
 sensor: {{rows: {rows}, columns: {columns}, pitch_x: {pitch_x}e-3, pitch_y: {pitch_y}e-3}}
 """)
     scene = load_scene(path)
-    simulation = Simulation(scene, 'trace', seed=1)
-    goal = EdgeGoal(speed, 5.0, closed=scene.edge.closed)
-    simulation.run(goal, 60.0)
-    summary = simulation.summary(goal)
+    summary = summary_of(Simulation(scene, 'trace', seed=1),
+                         EdgeGoal(speed, 5.0, closed=scene.edge.closed), 60.0)
     assert summary['ok'], summary['reason']
     begun = 0.0 if scene.edge.closed else scene.start.s
     # From first contact to where the edge is last seen, up to a quarter of the pad less.
@@ -48,28 +65,17 @@ sensor: {{rows: {rows}, columns: {columns}, pitch_x: {pitch_x}e-3, pitch_y: {pit
 
 
 @pytest.mark.parametrize('pad, skin, sensor, start', [
-    ((8, 8, 2.0, 2.0), '{depth: 0.003, stiffness: 300000.0, thickness: 0.004, poisson: 0.49}',
+    ((8, 2.0), 'depth: 0.003, stiffness: 300000.0, thickness: 0.004, poisson: 0.49',
      'creep: 0.08, noise_std: 2000.0', 'yaw: 173'),
-    ((16, 16, 1.6, 1.6), '{depth: 0.001, stiffness: 200000.0, thickness: 0.002, poisson: 0.49}',
+    ((16, 1.6), 'depth: 0.001, stiffness: 200000.0, thickness: 0.002, poisson: 0.49',
      'hysteresis: 0.1, noise_std: 600.0', 'yaw: 132, offset: -0.002')],
     ids=['creep', 'hysteresis, on a bone'])
 def test_a_skin_with_a_memory_ends_where_the_edge_ends(tmp_path, pad, skin, sensor, start):
     """What it keeps of the edge beyond the end is no edge; a bone under it is no fault."""
-    rows, columns, pitch_x, pitch_y = pad
-    path = tmp_path / 'scene.yaml'
-    path.write_text(f"""
-name: memory
-description: A straight edge, towards its near end.
-edge: {{start: [0.36, -0.08, 0.15], heading: 90, path: [{{straight: 0.2}}]}}
-skin: {skin}
-sensor: {{rows: {rows}, columns: {columns}, pitch_x: {pitch_x}e-3, pitch_y: {pitch_y}e-3,
-  {sensor}}}
-start: {{s: 0.06, height: 0.004, {start}}}
-""")
-    simulation = Simulation(load_scene(path), 'trace', seed=30)
-    goal = EdgeGoal(0.03, 5.0, direction=-1)
-    simulation.run(goal, 40.0)
-    summary = simulation.summary(goal)
+    scene = on_an_edge(tmp_path, '{straight: 0.2}', skin, f'{size(*pad)}, {sensor}',
+                       f's: 0.06, height: 0.004, {start}')
+    summary = summary_of(Simulation(scene, 'trace', seed=30),
+                         EdgeGoal(0.03, 5.0, direction=-1), 40.0)
     assert summary['ok'] and summary['reason'] == 'the edge ended', summary['reason']
     assert summary['force_max'] < 7.0
 
@@ -80,10 +86,7 @@ def test_a_skin_that_keeps_much_ends_where_the_edge_ends(creep, force):
     """Beyond the end it still reads up to a fifth of the force, along the edge that it left."""
     scene = load_scene('straight')
     scene = replace(scene, sensor=replace(scene.sensor, creep=creep, creep_time=1.0))
-    simulation = Simulation(scene, 'trace', seed=1)
-    goal = EdgeGoal(0.05, force)
-    simulation.run(goal, 20.0)
-    summary = simulation.summary(goal)
+    summary = summary_of(Simulation(scene, 'trace', seed=1), EdgeGoal(0.05, force))
     assert summary['ok'] and summary['reason'] == 'the edge ended', summary['reason']
     assert summary['force_max'] < 1.1 * force
 
@@ -96,29 +99,18 @@ def test_a_pad_that_is_still_lightly_on_the_edge_slides_off_it(monkeypatch):
         known = right(scene)
         return replace(known, depth=0.76 * known.depth, skin_stiffness=0.75 * known.skin_stiffness)
     monkeypatch.setattr(closed_loop, 'calibration_of', wrong)
-    simulation = Simulation(load_scene('straight'), 'trace', seed=81)
-    goal = EdgeGoal(0.02, 8.0)
-    simulation.run(goal, 25.0)
-    assert simulation.summary(goal)['reason'] == 'the edge ended'
+    summary = summary_of(Simulation(load_scene('straight'), 'trace', seed=81),
+                         EdgeGoal(0.02, 8.0), 25.0)
+    assert summary['reason'] == 'the edge ended'
 
 
 @pytest.mark.parametrize('path', [
     '{straight: 0.16}', '{straight: 0.06}, {turn: 40}, {straight: 0.1}'])
 def test_an_edge_does_not_end_where_a_coarse_pad_sees_no_ridge(tmp_path, path):
     """Ridges of 5 x 5 tactels are within 8 of 12.5 mm: the edge seemed to end there."""
-    scene = tmp_path / 'scene.yaml'
-    scene.write_text(f"""
-name: coarse
-description: Tactels five times as wide as the skin is deep.
-edge: {{start: [0.36, -0.08, 0.15], heading: 90, path: [{path}]}}
-skin: {{depth: 0.001, stiffness: 100000.0}}
-sensor: {{rows: 5, columns: 5, pitch_x: 5.0e-3, pitch_y: 5.0e-3}}
-start: {{s: 0.03, height: 0.004, yaw: -2, offset: 0.002}}
-""")
-    simulation = Simulation(load_scene(scene), 'trace', seed=1)
-    goal = EdgeGoal(0.03, 5.0, length=0.08)
-    simulation.run(goal, 20.0)
-    summary = simulation.summary(goal)
+    scene = on_an_edge(tmp_path, path, 'depth: 0.001, stiffness: 100000.0', size(5, '5.0'),
+                       's: 0.03, height: 0.004, yaw: -2, offset: 0.002')
+    summary = summary_of(Simulation(scene, 'trace', seed=1), EdgeGoal(0.03, 5.0, length=0.08))
     assert summary['ok'], summary['reason']
     assert summary['lateral_rms'] < 1e-3 and summary['force_max'] < 8.0
 
@@ -143,23 +135,14 @@ def test_the_unfelt_force_is_that_of_the_skin(stiffness):
 def test_a_tilted_pad_turns_onto_the_edge(tmp_path, monkeypatch, tilt, tactels, pitch, stiffness,
                                           force):
     """It touches with one end alone; with its rear it sees the ridge end before its centre."""
-    path = tmp_path / 'scene.yaml'
-    path.write_text(f"""
-name: tilted
-description: A straight edge.
-edge: {{start: [0.36, -0.08, 0.15], heading: 90, path: [{{straight: 0.1}}]}}
-skin: {{depth: 0.002, stiffness: {stiffness}}}
-sensor: {{rows: {tactels}, columns: {tactels}, pitch_x: {pitch}e-3, pitch_y: {pitch}e-3}}
-start: {{s: 0.03, height: 0.006, offset: 0.001}}
-""")
-    scene = load_scene(path)
+    scene = on_an_edge(
+        tmp_path, '{straight: 0.1}', f'depth: 0.002, stiffness: {stiffness}',
+        size(tactels, pitch), 's: 0.03, height: 0.006, offset: 0.001')
     pose = scene.start_pose()
     pose[:3, :3] @= Rotation.from_euler('x', tilt, degrees=True).as_matrix()
     monkeypatch.setattr(EdgeScene, 'start_pose', lambda _: pose)
     simulation = Simulation(scene, 'trace', seed=2)
-    goal = EdgeGoal(0.05, force)
-    simulation.run(goal, 30.0)
-    summary = simulation.summary(goal)
+    summary = summary_of(simulation, EdgeGoal(0.05, force), 30.0)
     assert summary['ok'] and summary['reason'] == 'the edge ended', summary['reason']
     assert summary['lateral_rms'] < 0.03e-3 and summary['force_max'] < 1.4 * force
     along = simulation.pose[:3, :3] @ [0.0, 1.0, 0.0]

@@ -4,9 +4,8 @@ import json
 import re
 
 import numpy as np
-from puma_loop import coarse_scene
+from puma_loop import coarse_scene, summary_of, turned
 import pytest
-from scipy.spatial.transform import Rotation
 
 from tactile_common.errors import ConfigurationError
 from tactile_servo.config import ApproachConfig, RetreatConfig, ServoConfig
@@ -36,8 +35,7 @@ def run(scene, goal, *faults, law=None, **changes):
     if changes:
         scene = dataclasses.replace(scene, sensor=dataclasses.replace(scene.sensor, **changes))
     simulation = Simulation(scene, law, faults=[Fault.of(fault) for fault in faults])
-    simulation.run(goal, 40.0)
-    return simulation, simulation.summary(goal)
+    return simulation, summary_of(simulation, goal, 40.0)
 
 
 # The watch on the sensor is the same for all laws.
@@ -48,13 +46,9 @@ LAWS_ON_SCENES = pytest.mark.parametrize('scene, law', [
 
 def run_tilted(scene, goal, tilt, *faults, **how):
     """Run a goal with a sensor mounted with a tilt [degrees] about x, y: run and summary."""
-    simulation = Simulation(scene_of(scene), faults=[Fault.of(fault) for fault in faults], **how)
-    turn, render, force = np.eye(4), simulation.world.render, simulation.world.force
-    turn[:3, :3] = Rotation.from_euler('xy', tilt, degrees=True).as_matrix()
-    simulation.world.render = lambda pose: render(pose @ turn)
-    simulation.world.force = lambda pose: force(pose @ turn)
-    simulation.run(goal, 40.0)
-    return simulation, simulation.summary(goal)
+    simulation = turned(Simulation(
+        scene_of(scene), faults=[Fault.of(fault) for fault in faults], **how), 'xy', tilt)
+    return simulation, summary_of(simulation, goal, 40.0)
 
 
 @pytest.mark.parametrize('order, rearranged', [
@@ -206,9 +200,7 @@ def blinded(simulation, from_force):
 @pytest.mark.parametrize('from_force', [0.0, 4.0])
 def test_a_wrist_notices_a_pad_that_feels_nothing(scene, from_force):
     goal = LINE if scene.startswith('surfaces') else EdgeGoal(0.03, FORCE)
-    simulation = blinded(Simulation(scene_of(scene), wrist=True), from_force)
-    simulation.run(goal, 20.0)
-    summary = simulation.summary(goal)
+    summary = summary_of(blinded(Simulation(scene_of(scene), wrist=True), from_force), goal)
     assert not summary['ok'] and summary['force_max'] < MOST and summary['force_end'] == 0.0
     assert from_force or summary['reason_code'] in ('sensor_disagrees', 'no_edge')
 
@@ -230,10 +222,8 @@ def sticking(simulation, from_force):
 @pytest.mark.parametrize('tested', [True, False])
 def test_a_sensor_that_sticks_is_found_before_the_pad_goes_on(scene, law, tested):
     goal = LINE if scene.startswith('surfaces') else EdgeGoal(0.03, FORCE, length=0.03)
-    simulation = sticking(Simulation(scene_of(scene), law, config=ServoConfig(
-        self_test=tested)), from_force=1.0)
-    simulation.run(goal, 20.0)
-    summary = simulation.summary(goal)
+    summary = summary_of(sticking(Simulation(scene_of(scene), law, config=ServoConfig(
+        self_test=tested)), from_force=1.0), goal)
     assert summary['force_max'] < MOST
     assert (summary['reason_code'] == 'self_test') == tested
     assert not tested or (summary['force_end'] == 0.0 and not summary['ok'])
@@ -243,9 +233,8 @@ def test_a_sensor_that_sticks_is_found_before_the_pad_goes_on(scene, law, tested
 def test_a_wrist_that_carries_a_tool_agrees_with_the_pad(scene, speed):
     goal = (dataclasses.replace(LINE, speed=speed) if scene.startswith('surfaces')
             else EdgeGoal(speed, FORCE))
-    simulation = Simulation(scene_of(scene), wrist=True)
-    simulation.run(goal, 20.0)
-    assert simulation.summary(goal)['ok'], simulation.servo.reason
+    summary = summary_of(Simulation(scene_of(scene), wrist=True), goal)
+    assert summary['ok'], summary['reason']
 
 
 def test_a_wrist_that_falls_silent_holds():

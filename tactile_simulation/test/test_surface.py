@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
-from puma_loop import COARSE
+from puma_loop import COARSE, summary_of
 import pytest
 
 from tactile_common.errors import ConfigurationError
@@ -16,7 +16,7 @@ from tactile_servo.laws.surface_config import (
     SurfaceConfig,
 )
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
-from tactile_servo.reasons import GoalRefused, ReasonCode
+from tactile_servo.reasons import GoalRefused
 from tactile_servo.tactile_jacobian.features import ModelFeatures
 from tactile_servo.tactile_jacobian.jacobian import Increments
 from tactile_servo.tactile_jacobian.table import build_table, grid
@@ -50,14 +50,12 @@ def scene_of(shape, **parts):
 def follow(scene, goal, seconds=20.0, settings=None, config=None, seed=0, law=None):
     """Run a goal: simulation and summary."""
     simulation = Simulation(scene, law, seed=seed, settings=settings, config=config)
-    simulation.run(goal, seconds)
-    return simulation, simulation.summary(goal)
+    return simulation, summary_of(simulation, goal, seconds)
 
 
 def line(speed=0.05, force=5.0, length=0.03, heading=(0.3, 1.0, 0.0)):
     """Goal of a straight way."""
     return SurfaceGoal(speed, force, direction=heading, length=length)
-
 
 
 @pytest.mark.parametrize('count, pitch', [(5, 5e-3), (7, 4e-3)])
@@ -335,13 +333,3 @@ def test_the_command_runs_a_surface(capsys, tmp_path):
     summary = json.loads(capsys.readouterr().out)
     assert summary['law'] == 'tactile_jacobian' and summary['surface_rms'] < 2e-4
     assert plot.read_bytes().startswith(b'\x89PNG')
-
-
-def test_images_that_cannot_be_used_end_in_a_hold():
-    simulation = Simulation(scene_of(SPHERE))
-    simulation.run(line(length=0.1), 5.0, until=lambda status: status.progress > 0.01)
-    assert simulation.servo.state == State.TRACK
-    simulation.sensor_alive = False
-    status = simulation.run(None, 0.3)
-    assert status.state == State.HOLD and status.reason.code == ReasonCode.STALE_IMAGE
-    assert not status.twist.any()

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from puma_loop import coarse_scene, LIMITS, PUMA, puma_loop
+from puma_loop import coarse_scene, LIMITS, PUMA, puma_loop, summary_of
 import pytest
 
 from tactile_servo.laws.surface_goal import SurfaceGoal
@@ -28,17 +28,11 @@ def loop_of(name, **parts):
 GOAL = SurfaceGoal(0.05, FORCE, direction=(0.0, 1.0, 0.0), length=0.06)  # along base y
 
 
-def follow(simulation):
-    """Follow a line at 50 mm/s: summary."""
-    simulation.run(GOAL, 20.0)
-    return simulation.summary(GOAL)
-
-
 @cache
 def followed(name):
     """Loop that has followed a line, and its summary; not to be changed."""
     simulation = loop_of(name)
-    return simulation, follow(simulation)
+    return simulation, summary_of(simulation, GOAL)
 
 
 @pytest.mark.parametrize('name', ['cylinder_65', 'sphere_70'])
@@ -87,7 +81,7 @@ def test_a_servo_that_misses_cycles_leads_the_probe_no_worse():
     # error of the force, for the wrist turns by 60 rad/m.
     simulation = loop_of('cylinder_65')
     missed = miss_cycles(simulation, 6, every=60)
-    summary = follow(simulation)
+    summary = summary_of(simulation, GOAL)
     assert summary['reason_code'] == 'length_reached' and missed[0] > 50
     assert summary['force_rms_error'] < 1.2 * followed('cylinder_65')[1]['force_rms_error']
 

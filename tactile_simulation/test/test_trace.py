@@ -5,9 +5,8 @@ from functools import cache
 import math
 
 import numpy as np
-from puma_loop import puma_loop, ROOT, steady
+from puma_loop import puma_loop, ROOT, steady, summary_of, turned
 import pytest
-from scipy.spatial.transform import Rotation
 
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.config import ForceBounds, HoldConfig, PRESS_DEPTH, ServoConfig
@@ -27,9 +26,8 @@ def follow(scene, speed, seed=0, latency=None):
     """Run a shipped scene on the gantry: simulation and summary, not to be changed."""
     scene = load_scene(ROOT / f'launch/scenes/{scene}.yaml')
     simulation = Simulation(scene, 'trace', seed=seed, latency=latency)
-    goal = EdgeGoal(speed, 5.0, closed=scene.edge.closed)
-    simulation.run(goal, 60.0)
-    return simulation, simulation.summary(goal)
+    return simulation, summary_of(
+        simulation, EdgeGoal(speed, 5.0, closed=scene.edge.closed), 60.0)
 
 
 @pytest.mark.parametrize('scene, speed, rms, largest', [
@@ -50,14 +48,10 @@ def test_open_edges_are_tracked_within_the_bars(scene, speed, rms, largest):
 def test_a_sensor_turned_about_its_normal_is_not_drawn_aside(scene, speed, yaw):
     """It was: .35 mm RMS with 3 degrees at 100 mm/s."""
     scene = load_scene(ROOT / f'launch/scenes/{scene}.yaml')
-    simulation, turn = Simulation(scene, 'trace', seed=1), np.eye(4)
-    turn[:3, :3] = Rotation.from_euler('z', yaw, degrees=True).as_matrix()
-    render, force = simulation.world.render, simulation.world.force
-    simulation.world.render = lambda pose: render(pose @ turn)
-    simulation.world.force = lambda pose: force(pose @ turn)
-    simulation.run(EdgeGoal(speed, 5.0, closed=scene.edge.closed), 60.0)
+    simulation = turned(Simulation(scene, 'trace', seed=1), 'z', yaw)
+    text = summary_of(
+        simulation, EdgeGoal(speed, 5.0, closed=scene.edge.closed), 60.0)['reason']
     assert simulation.servo.success
-    text = simulation.summary(EdgeGoal(speed, 5.0))['reason']
     assert float(text.split('a turn of ')[1].split()[0]) == pytest.approx(yaw, rel=0.3), text
     places = np.array([cycle.pose[:3, 3] for cycle in simulation.log
                        if cycle.status.state in (State.TRACK, State.CORNER)])
