@@ -22,10 +22,10 @@ from tactile_sensing.cli.options import (
     counts_reader,
     is_bag,
     opened,
-    read_counts,
 )
 from tactile_sensing.devices.calibration import pitch_pair, RESOLUTION, save_calibration
 from tactile_sensing.devices.counts import MAX_BITS
+from tactile_sensing.devices.recording import read_whole
 from tactile_sensing.types.array import PITCH, TactelArray
 
 RECORDED = {
@@ -143,8 +143,8 @@ def read_recordings(options: argparse.Namespace) -> dict[str, np.ndarray]:
         path = getattr(options, name)
         if not path:
             continue
-        reader = counts_reader(path, shape, source='--shape')
-        found[name] = read_counts(path, reader, options.resolution).astype(float)
+        reader = counts_reader(path, options.resolution, shape, source='--shape')
+        found[name] = read_whole(path, reader).astype(float)
         if not np.isfinite(found[name]).all():
             raise ConfigurationError(f'{path}: frames holds values that are not finite')
         if is_bag(path) and options.bits is None:

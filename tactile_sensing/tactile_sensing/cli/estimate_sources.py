@@ -12,10 +12,10 @@ import numpy as np
 from tactile_common.command_line import reading_bags
 from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.cli.options import counts_reader, in_counts, is_bag, read_counts
+from tactile_sensing.cli.options import counts_reader, is_bag
 from tactile_sensing.contact.estimator import ContactEstimator, METHODS
 from tactile_sensing.devices.calibration import Calibration, load_calibration, pitch_pair
-from tactile_sensing.devices.recording import CHUNK, FrameReader
+from tactile_sensing.devices.recording import CHUNK, FrameReader, read_whole
 from tactile_sensing.devices.tare import TareRefusedError
 from tactile_sensing.types.array import PITCH, TactelArray
 from tactile_sensing.types.contact import COLUMNS, Contact, REALS, RECORD, STAMPED
@@ -129,12 +129,15 @@ def _plain(options: argparse.Namespace) -> Source:
 def _calibrated(options: argparse.Namespace) -> Source:
     """Return frames of counts from a sensor that a calibration describes."""
     calibration, tare = load_calibration(options.calibration), None
-    reader = counts_reader(options.frames, calibration.raw_shape, options.namespace)
+
+    def reader_of(path: str) -> Any:
+        return counts_reader(
+            path, calibration.resolution, calibration.raw_shape, options.namespace)
+    reader = reader_of(options.frames)
     if options.tare:
-        unloaded = counts_reader(options.tare, calibration.raw_shape, options.namespace)
+        unloaded = read_whole(options.tare, reader_of(options.tare))
         try:
-            tare = calibration.make_tare(
-                read_counts(options.tare, unloaded, calibration.resolution))
+            tare = calibration.make_tare(unloaded)
         except TareRefusedError as error:
             raise ConfigurationError(f'--tare {options.tare}: {error}') from error
     layer = calibration.layer(tare)
@@ -142,7 +145,7 @@ def _calibrated(options: argparse.Namespace) -> Source:
         layer = replace(layer, noise_std=options.noise)
 
     def to_stress(frames: np.ndarray, first: int) -> np.ndarray:
-        counts = in_counts(options.frames, frames.astype(np.float64), calibration.resolution)
+        counts = frames.astype(np.float64)
         _check_counts(options, calibration, counts, first)
         stress = calibration.stress(counts, tare)
         # Saturated, not dead (NaN).

@@ -4,11 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tactile_common.command_line import between, reading_bags
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.devices.recording import FrameReader, read_whole, Shape
+from tactile_sensing.devices.recording import FrameReader, Shape
 from tactile_sensing.devices.registry import options_of, PROTOCOLS
 from tactile_sensing.devices.stream import open_sensor, SensorStream
 from tactile_sensing.types.array import PITCH
@@ -61,33 +59,23 @@ def is_bag(path: str) -> bool:
     return Path(path).suffix in BAGS or Path(path).is_dir()
 
 
-def counts_reader(path: str, shape: Shape | None = None, namespace: str | None = None,
-                  source: str = 'the calibration') -> Any:
+def counts_reader(path: str, resolution: float, shape: Shape | None = None,
+                  namespace: str | None = None, source: str = 'the calibration') -> Any:
     """
     Return a reader of frames in counts, (N, rows, columns).
 
-    It is a FrameReader, or RecordedCounts for a bag, which has the same `shape` and `chunks`.
-    Raises a ConfigurationError if the frames do not have the given shape; `source` names its
-    origin.
+    It is a FrameReader, or RecordedCounts for a bag, which has the same `shape` and `chunks`;
+    `resolution` is the size of a count in a file. Raises a ConfigurationError if the frames do
+    not have the given shape; `source` names its origin.
     """
     if is_bag(path):
         with reading_bags():
             from tactile_sensing.observations import RecordedCounts
         reader: Any = RecordedCounts(path, namespace)
     else:
-        reader = FrameReader(path, shape, source)
+        reader = FrameReader(path, shape, source, resolution)
     there = reader.shape
     if len(there) != 3 or (shape is not None and there[1:] != shape):
         wanted = f'{shape[0]}, {shape[1]}) as {source} says' if shape else 'rows, columns)'
         raise ConfigurationError(f'{path}: frames has shape {there}, must be (N, {wanted}')
     return reader
-
-
-def in_counts(path: str, frames: np.ndarray, resolution: float) -> np.ndarray:
-    """Divide frames of a file by the resolution; frames of a bag are counts already."""
-    return frames if resolution == 1.0 or is_bag(path) else frames / resolution
-
-
-def read_counts(path: str, reader: Any, resolution: float) -> np.ndarray:
-    """Return all frames of a `counts_reader`; raise a ConfigurationError if too large."""
-    return in_counts(path, read_whole(path, reader), resolution)

@@ -34,11 +34,14 @@ class FrameReader:
 
     The file is an `.npz` archive with `frames`, an `.npy` array, or a text file with one frame
     per row (see TABLES). If `shape` (rows, columns) is given, flat frames (N, rows * columns) are
-    converted to (N, rows, columns). `source` names the origin of the shape in messages. Raises a
-    ConfigurationError if the file cannot be read, or has other frames.
+    converted to (N, rows, columns). `source` names the origin of the shape in messages. Frames
+    are divided by `unit`. Raises a ConfigurationError if the file cannot be read, or has other
+    frames.
     """
 
-    def __init__(self, path: str | PathLike, shape: Shape | None = None, source: str = '--shape'):
+    def __init__(self, path: str | PathLike, shape: Shape | None = None, source: str = '--shape',
+                 unit: float = 1.0):
+        self._unit = unit
         table = Path(path).suffix in TABLES
         reader: Any = read_table(path) if table else ArrayReader(path, 'frames')
         self._chunks = partial(chunks_of, reader) if table else reader.chunks
@@ -68,7 +71,8 @@ class FrameReader:
     def chunks(self, rows: int) -> Iterator[np.ndarray]:
         """Yield the frames in order, `rows` at a time; the last chunk may be smaller."""
         for part in self._chunks(rows):
-            yield part.reshape(len(part), *self.shape[1:])
+            part = part.reshape(len(part), *self.shape[1:])
+            yield part if self._unit == 1.0 else part.astype(np.float64) / self._unit
 
 
 def read_whole(path: str | PathLike, reader: Any) -> np.ndarray:
