@@ -6,8 +6,12 @@ import time
 
 import numpy as np
 
-from tactile_sensing.dome.finite_element_model import FiniteElementDome
-from tactile_sensing.dome.finite_elements import operator_for, SkinConfig, solve
+from tactile_sensing.dome.finite_elements import (
+    FiniteElementDome,
+    operator_for,
+    SkinConfig,
+    solve,
+)
 from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_sensing.types.array import TactelArray
 from tactile_servo.tactile_jacobian.features import FeatureKind, ModelFeatures

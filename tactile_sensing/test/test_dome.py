@@ -6,8 +6,12 @@ import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.dome import finite_elements
-from tactile_sensing.dome.finite_element_model import FiniteElementDome
-from tactile_sensing.dome.finite_elements import operator_for, SkinConfig, solve
+from tactile_sensing.dome.finite_elements import (
+    FiniteElementDome,
+    operator_for,
+    SkinConfig,
+    solve,
+)
 from tactile_sensing.dome.geometry import contact_frame, Dome, HalfSpaceDome
 from tactile_sensing.thesis import point
 from tactile_sensing.types.array import TactelArray

@@ -7,8 +7,12 @@ from typing import Any
 import numpy as np
 
 from tactile_common.config import bounded
-from tactile_sensing.dome.finite_element_model import FiniteElementDome, superpose
-from tactile_sensing.dome.finite_elements import operator_for, SkinConfig
+from tactile_sensing.dome.finite_elements import (
+    FiniteElementDome,
+    operator_for,
+    SkinConfig,
+    superpose,
+)
 from tactile_sensing.dome.geometry import contact_frame, Dome
 from tactile_simulation.metrics import largest, NAN, rms
 from tactile_simulation.sensor import SceneSkin, Sensor

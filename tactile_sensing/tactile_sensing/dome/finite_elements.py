@@ -5,7 +5,7 @@ A tactel reads a linear functional b' u of the displacements u, where K u = f. W
 the reading for any load f is g' f. This needs one factorisation, and one back-substitution per
 tactel. g is the displacement due to b as a load; it is evaluated where f presses (reciprocity).
 """
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import astuple, dataclass
 import hashlib
@@ -22,7 +22,7 @@ from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import write_arrays
 from tactile_common.progress import Progress
-from tactile_sensing.dome.geometry import Dome
+from tactile_sensing.dome.geometry import contact_frame, Dome
 from tactile_sensing.types.array import TactelArray
 
 GAUSS = 0.5 / np.sqrt(3.0)  # distance of sample points from a tactel's centre [tactel sides]
@@ -154,16 +154,26 @@ class _Places:
         return tuple(np.searchsorted(axis, along) - 1
                      for axis, along in zip(self._borders, places, strict=True))
 
-    def shapes(self, angles: np.ndarray, radius: float
-               ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Yield degrees of freedom, values and gradients at angles (2, N) of the cube's face."""
+    def functional(self, angles: np.ndarray, radius: float,
+                   of: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> csr_matrix:
+        """
+        Return M numbers at each of N places as a matrix (N * M, degrees of freedom).
+
+        The places are angles (2, N) of the cube's face. `of` returns the numbers (N, M) of a
+        shape function, given its values (3, N) and gradients (3, 3, N): of component i along j.
+        """
         place = np.vstack([angles, np.full(angles.shape[1], radius)])
         cells = self._cells[self._index(place)]
-        local = self._mapping.invF(place[:, :, None], tind=cells)
-        for k in range(self.basis.Nbfun):
-            shape = self.basis.elem.gbasis(self.basis.mapping, local, k, tind=cells)[0]
-            yield (self.basis.element_dofs[k, cells], np.asarray(shape)[..., 0],
-                   shape.grad[..., 0])
+        local, basis = self._mapping.invF(place[:, :, None], tind=cells), self.basis
+        numbers = []
+        for k in range(basis.Nbfun):
+            shape = basis.elem.gbasis(basis.mapping, local, k, tind=cells)[0]
+            numbers.append(of(np.asarray(shape)[..., 0], shape.grad[..., 0]))
+        values = np.array(numbers)  # (functions, N, M)
+        count = values[0].size
+        columns = np.repeat(basis.element_dofs[:, cells], values.shape[2])
+        rows = np.tile(np.arange(count), basis.Nbfun)
+        return coo_matrix((values.ravel(), (rows, columns)), shape=(count, basis.N)).tocsr()
 
 
 def _readings(place: _Places, dome: Dome, skin: SkinConfig, array: TactelArray,
@@ -174,25 +184,21 @@ def _readings(place: _Places, dome: Dome, skin: SkinConfig, array: TactelArray,
     It is minus the mean radial stress over the tactel, averaged over both sides of its sphere.
     """
     x, y = np.meshgrid(array.x, array.y)
-    rows, columns, numbers = [], [], []
-    for dx, dy in ((sx * GAUSS, sy * GAUSS) for sx in (-1, 1) for sy in (-1, 1)):
-        outward = dome.direction(np.stack(
-            [x + dx * array.pitch_x, y + dy * array.pitch_y], axis=-1).reshape(-1, 2)).T
-        angles = np.arctan2(outward[:2], outward[2])
-        if not np.abs(angles).max() < skin.half_angle:
-            raise ConfigurationError(
-                f'array: a tactel lies {np.abs(angles).max():.2f} rad from the apex, beyond the '
-                f'rim of the skin at {skin.half_angle:g} rad')
-        for side in (1.0 - BESIDE, 1.0 + BESIDE):
-            for dofs, _, gradient in place.shapes(angles, side * dome.array_radius):
-                # gradient (i, j, N): derivative of component i along j
-                pull = np.einsum('in,ijn,jn->n', outward, gradient, outward)
-                stress = lame[0] * np.einsum('iin->n', gradient) + 2.0 * lame[1] * pull
-                rows.append(np.arange(x.size))
-                columns.append(dofs)
-                numbers.append(-stress / 8.0)  # mean of 4 points on 2 sides
-    return coo_matrix((np.concatenate(numbers), (np.concatenate(rows), np.concatenate(columns))),
-                      shape=(x.size, place.basis.N)).tocsr()
+    outward = np.vstack([dome.direction(np.stack(
+        [x + sx * GAUSS * array.pitch_x, y + sy * GAUSS * array.pitch_y], axis=-1).reshape(-1, 2))
+        for sx in (-1, 1) for sy in (-1, 1)]).T
+    angles = np.arctan2(outward[:2], outward[2])
+    if not np.abs(angles).max() < skin.half_angle:
+        raise ConfigurationError(
+            f'array: a tactel lies {np.abs(angles).max():.2f} rad from the apex, beyond the rim '
+            f'of the skin at {skin.half_angle:g} rad')
+
+    def pressure(_: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+        pull = np.einsum('in,ijn,jn->n', outward, gradient, outward)
+        return -(lame[0] * np.einsum('iin->n', gradient) + 2.0 * lame[1] * pull)[:, None]
+    both = sum(place.functional(angles, side * dome.array_radius, pressure)
+               for side in (1.0 - BESIDE, 1.0 + BESIDE))
+    return sum(both[k * x.size:(k + 1) * x.size] for k in range(4)) / 8.0
 
 
 def _surface(place: _Places, dome: Dome,
@@ -206,14 +212,8 @@ def _surface(place: _Places, dome: Dome,
     t, s = np.tan(angles)
     areas = dome.skin_radius**2 * step * (
         (1.0 + t * t) * (1.0 + s * s) * (1.0 + t * t + s * s)**-1.5)
-    rows, columns, numbers = [], [], []
-    for dofs, value, _ in place.shapes(angles, (1.0 - BESIDE) * dome.skin_radius):
-        for axis in range(3):
-            rows.append(3 * np.arange(angles.shape[1]) + axis)
-            columns.append(dofs)
-            numbers.append(value[axis])
-    values = coo_matrix((np.concatenate(numbers), (np.concatenate(rows), np.concatenate(columns))),
-                        shape=(3 * angles.shape[1], place.basis.N)).tocsr()
+    values = place.functional(
+        angles, (1.0 - BESIDE) * dome.skin_radius, lambda value, gradient: value.T)
     values.eliminate_zeros()
     return dome.skin_radius * _cube_direction(*angles).T, areas, values
 
@@ -231,3 +231,60 @@ def _modulus(values: csr_matrix, factor: SuperLU, points: np.ndarray, areas: np.
     weight = pressure * areas
     # Best proportionality between a parabolic pressure and its indentation.
     return np.array((weight @ pressure) / (weight @ sunk))
+
+
+def superpose(green: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    """Return the pressure (T,) [Pa] of loads (N, 3) [N]; green: of unit loads (N, 3, T) [Pa/N]."""
+    loaded = np.flatnonzero(loads.any(axis=1))  # most loads are 0
+    return np.tensordot(loads[loaded], green[loaded], 2)
+
+
+@dataclass(frozen=True, eq=False)
+class FiniteElementDome:
+    """
+    Image of a plane or a sphere that is pressed against the dome.
+
+    The state is that of `HalfSpaceDome`. The skin is treated as an elastic foundation with
+    `modulus` k. The pressure of the patch is then a paraboloid of radius (4 P R / (pi k))^(1/4),
+    where R is the radius of the relative curvature. Shear has the same distribution. Raises a
+    ConfigurationError if the operator has another array, or the probe does not fit into the
+    object.
+    """
+
+    dome: Dome
+    array: TactelArray
+    operator: Operator
+    curvature: float = 0.0  # of the object, positive: convex [1/m]
+
+    def __post_init__(self) -> None:
+        if self.operator.green.shape[2] != self.array.rows * self.array.columns:
+            raise ConfigurationError(
+                f'operator: has {self.operator.green.shape[2]} tactels, the array '
+                f'{self.array.rows} x {self.array.columns}')
+        if not self.curvature * self.dome.skin_radius > -1.0:
+            raise ConfigurationError(
+                f'curvature is {self.curvature:g}, must be above {-1 / self.dome.skin_radius:g} '
+                '1/m: the probe does not fit')
+
+    def image(self, state: np.ndarray) -> np.ndarray:
+        """Return the pressure on the tactels [Pa], (1, rows, columns); 0 without normal force."""
+        if not state[2] > 0.0:
+            return np.zeros((1, *self.array.shape))
+        return superpose(self.operator.green, self._loads(state)).reshape(1, *self.array.shape)
+
+    def _loads(self, state: np.ndarray) -> np.ndarray:
+        """Return the forces (N, 3) on the points of the surface [N]."""
+        op, radius = self.operator, self.dome.skin_radius
+        axes = contact_frame(self.dome, state[0], state[1])
+        relative = radius / (1.0 + self.curvature * radius)
+        patch = 4.0 * state[2] * relative / (np.pi * op.modulus)  # radius of the patch^4
+        outward = (op.points - self.dome.centre) / radius
+        square = 2.0 * radius**2 * (1.0 - outward @ axes[2])
+        pressed = np.maximum(1.0 - square / np.sqrt(patch), 0.0) * op.areas
+        total = pressed @ (outward @ axes[2])
+        if not total > 0.0:
+            raise ConfigurationError(
+                f'state: the contact at ({state[0]:g}, {state[1]:g}) m is off the skin')
+        shear = state[3] * axes[0] + state[4] * axes[1]
+        return np.outer(pressed, shear / pressed.sum()) - (state[2] / total * pressed)[
+            :, None] * outward

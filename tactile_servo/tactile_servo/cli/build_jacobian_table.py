@@ -12,8 +12,7 @@ import numpy as np
 
 from tactile_common.command_line import Parser
 from tactile_common.errors import ConfigurationError, TactileError
-from tactile_sensing.dome.finite_element_model import FiniteElementDome
-from tactile_sensing.dome.finite_elements import operator_for, SkinConfig
+from tactile_sensing.dome.finite_elements import FiniteElementDome, operator_for, SkinConfig
 from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_sensing.types.array import TactelArray
 from tactile_servo.tactile_jacobian.features import FeatureKind, ModelFeatures
