@@ -48,17 +48,15 @@ class Presses:
         """Return presses in which consecutive frames that differ only by noise are averaged."""
         groups = [[0]]
         for i in range(1, len(self)):
-            if self._is_like(i, groups[-1]):
-                groups[-1].append(i)
+            group = groups[-1]
+            off = (self.values[i] - self.values[group].mean(axis=0)) / self.noise[i]
+            if np.nanmean(off**2) < SAME_PRESS * (1.0 + 1.0 / len(group)):
+                group.append(i)
             else:
                 groups.append([i])
         values, noise = np.array([self._mean(group) for group in groups]).swapaxes(0, 1)
         first = self.only(np.array([group[0] for group in groups]))
         return replace(first, values=values, noise=noise)
-
-    def _is_like(self, i: int, group: list[int]) -> bool:
-        off = (self.values[i] - self.values[group].mean(axis=0)) / self.noise[i]
-        return np.nanmean(off**2) < SAME_PRESS * (1.0 + 1.0 / len(group))
 
     def _mean(self, group: list[int]) -> tuple[np.ndarray, np.ndarray]:
         """Return the mean of some frames and its noise; NaN where only some are at the floor."""

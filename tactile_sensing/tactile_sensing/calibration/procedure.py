@@ -23,8 +23,6 @@ UNPRESSED = 0.03  # tactels far from a press read less than this share of its pe
 MOST_TOUCHED = 0.2  # share of the unloaded frames that may be left out
 # If this share of a row or column is dead, its tactels that were not loaded count as dead too.
 DEAD_LINE = 0.25
-# Pairs of corners, in the order of pressing, in the first and last row, and column, of the image.
-CORNERS = (([0, 1], [2, 3]), ([0, 3], [1, 2]))
 
 
 @dataclass
@@ -285,7 +283,8 @@ def order_of(corners: np.ndarray) -> tuple[tuple, tuple, bool]:
     if transposed:
         peaks, shape = peaks[:, ::-1], shape[::-1]
     orders: list[tuple] = []
-    for axis, (first, last) in enumerate(CORNERS):
+    # Corners in the first and the last row; in the first and the last column.
+    for axis, (first, last) in enumerate((([0, 1], [2, 3]), ([0, 3], [1, 2]))):
         apart = peaks[last, axis].mean() - peaks[first, axis].mean()
         if abs(apart) < 0.5 * shape[axis]:
             raise ConfigurationError(
