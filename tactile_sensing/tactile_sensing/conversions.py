@@ -17,7 +17,7 @@ from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import set_stamp, stamp_from_ns, stamp_to_ns
 from tactile_msgs import msg as tactile_msgs
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import Contact, ContactType, PARAMETERS, REALS, Reason
+from tactile_sensing.types.contact import Contact, ContactType, MATRIX, REALS, Reason
 from tactile_sensing.types.image import COMPONENTS, Layer, SensorInfo, TactileImage
 from tactile_sensing.types.moments import Moments
 
@@ -149,7 +149,7 @@ def contact_from_msg(message: Any) -> Contact:
         type=ContactType(message.type), valid=message.valid, force_valid=message.force_valid,
         reasons=Reason(message.reasons),
         method=message.method, model=message.model, iterations=message.iterations,
-        covariance=np.array(message.covariance).reshape(len(PARAMETERS), -1),
+        covariance=np.array(message.covariance).reshape(MATRIX),
         moments=Moments(*map(float, message.moments)),
         **{name: getattr(message, name) for name in REALS})
 
@@ -191,7 +191,6 @@ def _array_from_msg(message: Any) -> TactelArray:
 
 
 def _layer_to_msg(layer: Layer, message: Any) -> Any:
-    """Fill and return a TactileLayer message."""
     # The message would copy a list or an ndarray value by value.
     stress = array('f')
     stress.frombytes(np.ascontiguousarray(layer.stress, np.float32).tobytes())

@@ -96,7 +96,10 @@ class FlexiTacDecoder(Decoder):
         period = self._period
         known = np.frombuffer(bytes(self._buffer[:self.buffer_bound]), np.uint8)
         marker = (known[:-1] == MARKER[0]) & (known[1:] == MARKER[1])
-        self._remember(marker)
+        last = self._markers[-1] if self._markers else -1
+        self._markers.extend(
+            position for position in (self._origin + np.flatnonzero(marker)).tolist()
+            if position > last)
         searched = max(len(marker) - 2 * period, 0)
         starts = np.flatnonzero(marker[:searched] & marker[period:period + searched]
                                 & marker[2 * period:])
@@ -118,10 +121,3 @@ class FlexiTacDecoder(Decoder):
             starts, later = again, later + 1
         self._in_step, self._ambiguous = True, False
         return Piece(int(starts[0]), good=False) if starts[0] else None
-
-    def _remember(self, marker: np.ndarray) -> None:
-        """Remember the positions of new markers."""
-        last = self._markers[-1] if self._markers else -1
-        self._markers.extend(
-            position for position in (self._origin + np.flatnonzero(marker)).tolist()
-            if position > last)

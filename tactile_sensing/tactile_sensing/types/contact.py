@@ -54,11 +54,6 @@ def _real(unit: str, doc: str, row: bool = False) -> Any:
     return field(default=NAN, metadata=_column(unit, doc, row=row))
 
 
-def no_covariance() -> np.ndarray:
-    """Return a covariance (7, 7) of NaN."""
-    return np.full((len(PARAMETERS), len(PARAMETERS)), NAN)
-
-
 @dataclass  # not frozen, to be faster: one is created for every image
 class Contact:
     """
@@ -93,7 +88,7 @@ class Contact:
     start: float = _real(
         'm', 'line: where it begins within the pad, along yaw from the foot of the origin')
     end: float = _real('m', 'line: where it ends, likewise')
-    covariance: np.ndarray = field(default_factory=no_covariance, metadata=_column(
+    covariance: np.ndarray = field(default_factory=lambda: np.full(MATRIX, NAN), metadata=_column(
         'SI', 'of (x, y, yaw, normal_force, shear_force_x, shear_force_y, line_force)'))
     snr: float = _real('dB', '20 log10 of the fitted peak over the noise of a tactel')
     residual: float = _real('', 'RMS of (frame - model) / noise')
@@ -121,13 +116,9 @@ FORCES = ('normal_force', 'shear_force_x', 'shear_force_y', 'line_force')  # in 
 REALS = tuple(f.name for f in fields(Contact) if f.type is float)
 # Fields that are written to files.
 COLUMNS = {f.name: f for f in fields(Contact) if f.metadata}
-
-
-def _type_of(name: str, dtype: str) -> tuple:
-    shape = {'covariance': (len(PARAMETERS),) * 2, 'moments': (6,)}.get(name, ())
-    return name, dtype, shape
-
-
+MATRIX: tuple[int, int] = (len(PARAMETERS), len(PARAMETERS))  # shape of the covariance
+_SHAPES = {'covariance': MATRIX, 'moments': (6,)}  # of fields that are not single values
 # One row of `ContactEstimator.estimate_batch` and of the command `estimate`.
-RECORD = np.dtype([_type_of(name, f.metadata['dtype']) for name, f in COLUMNS.items()])
+RECORD = np.dtype([(name, f.metadata['dtype'], _SHAPES.get(name, ()))
+                   for name, f in COLUMNS.items()])
 STAMPED = np.dtype([*RECORD.descr, ('t', 'f8')])  # the same for an image of a bag; t: stamp [s]
