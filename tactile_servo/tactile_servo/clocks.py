@@ -19,23 +19,25 @@ class CycleClock:
         self._last: float | None = None
         self._last_ns = 0
         self._advanced = 0.0  # steady time at which the stamps' clock last advanced [s]
-        self.gap = 0.0  # steady time from the previous cycle to the newest one [s]
+        # Of the newest cycle: steady time, step of the stamps' clock, time since the cycle before
+        self.now = self.dt = self.gap = 0.0  # s
         self.fault: Reason | None = None  # of the time in the newest cycle
 
     def tick(self, now: float, now_ns: int) -> float:
         """
-        Begin a cycle at a steady time [s] and a time of the stamps [ns]; return its dt [s].
+        Begin a cycle at a steady time [s] and a time of the stamps [ns]; return its `dt` [s].
 
-        dt is the step of the stamps' clock, limited to 0 to 2 periods.
+        It is the step of the stamps' clock, limited to 0 to 2 periods.
         """
-        self.gap, step = 0.0, self._period
+        self.now, self.gap, step = now, 0.0, self._period
         if self._last is not None:
             self.gap, step = now - self._last, (now_ns - self._last_ns) * 1e-9
         self._last, self._last_ns = now, now_ns
         if step > 0.0:
             self._advanced = now
         self.fault = self._judge(step, now)
-        return clipped(step, 0.0, 2.0 * self._period)
+        self.dt = clipped(step, 0.0, 2.0 * self._period)
+        return self.dt
 
     def _judge(self, step: float, now: float) -> Reason | None:
         if step < 0.0:

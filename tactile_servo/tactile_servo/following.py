@@ -1,17 +1,21 @@
-"""Check that the robot follows its commands, by the poses of its sensor."""
+"""Commands to the robot during a goal, and the check that it follows them."""
 
 import math
 
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_servo.inputs import Inputs
 from tactile_servo.motion.inverse import ROTATION_LENGTH
+from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.reasons import Reason, ReasonCode
 
 SIZE = 512  # number of stored cycles
 REST_AFTER = 0.05  # times `following_distance`, commanded motion that must have an effect
 REST_SHARE = 0.2  # largest share of this motion that a robot at rest may have moved
 LATE = 0.05  # s, largest delay of the robot: dead time and lag of an arm that can be servoed
+NEAR = 5.0  # times `following_distance`: only a robot this near is sent to its measured position
+SLIGHT = 0.1  # times `following_distance`: a command by less than this counts as no motion
 
 
 class FollowingCheck:
@@ -89,3 +93,71 @@ def _judge(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count
         if last >= 0 and apart(sent[k], sent[last]) >= enough:
             return nearest, True
     return nearest, False
+
+
+class Driven:
+    """
+    The robot that a goal moves: whether it follows, and when its last command ends.
+
+    Once a robot is at rest, it is sent to its measured position (`send_here`), so that no older
+    command can move it any more.
+    """
+
+    def __init__(self, inputs: Inputs, motion: Motion, distance: float):
+        self._inputs, self._motion, self._distance = inputs, motion, distance
+        self._check = FollowingCheck(distance)
+        self.until = -math.inf  # steady time until which the robot may move [s]
+        self.sent_here = True  # whether it was sent to its measured position
+        self._way: float | None = None  # of that command if it is due now [m]
+
+    @property
+    def off(self) -> float:
+        """Distance of the robot from the end of its last window, as in `apart` [m]."""
+        return apart(self._motion.rest_pose, self._inputs.pose)
+
+    @property
+    def astray(self) -> bool:
+        """Whether it is too far from there, because something else has moved it."""
+        return not self.off <= self._distance
+
+    def problem(self) -> Reason | None:
+        """Return that the robot does not follow its commands, or None."""
+        inputs = self._inputs
+        return None if inputs.joints is None else inputs.astray(
+            self._motion.positions) or self._check.problem(inputs.pose, inputs.joints.arrival)
+
+    def blocked(self) -> Reason | None:
+        """Return what prevents all motion, or None."""
+        blocked = self._motion.blocked
+        return Reason(ReasonCode.MOTION_BLOCKED, blocked) if blocked else None
+
+    def start_here(self) -> None:
+        """Start from the measured position at rest; forget earlier commands."""
+        assert self._inputs.joints is not None  # a goal starts with a joint state
+        self._motion.seed(self._inputs.joints.value)
+        self._check.reset()
+
+    def send_here(self) -> None:
+        """Request a command to the measured position, where the robot is at rest."""
+        off, self.sent_here = self.off, True
+        self.start_here()
+        # A robot that is farther off was moved by somebody else, who commands it now.
+        self._way = off if off <= NEAR * self._distance else None
+
+    def move(self, twist: np.ndarray, now: float, now_ns: int, stamped: bool) -> MotionStep:
+        """Command a twist (6,) of the sensor in its own frame [m/s, rad/s]."""
+        step = self._motion.command(twist, now_ns, stamped)
+        self._check.sent(now, self._motion.pose, self._inputs.pose)
+        if step.trajectory is not None:
+            self.until, self.sent_here = now + self._motion.lasting, False
+        return step
+
+    def stay(self, now: float, now_ns: int, stamped: bool) -> MotionStep | None:
+        """Return the command that `send_here` has requested, or None."""
+        way, self._way = self._way, None
+        if way is None:
+            return None
+        step = self._motion.command(np.zeros(6), now_ns, stamped)
+        if way > SLIGHT * self._distance:
+            self.until = now + self._motion.lasting
+        return step

@@ -1,10 +1,16 @@
-"""Phases of a goal, in more detail than the published states, and what is known of a hold."""
+"""Phases of a goal, in more detail than the published states, and their longest times."""
 
-from dataclasses import dataclass
+from collections import defaultdict
 from enum import auto, Enum
 
+from tactile_servo.config import ServoConfig
+from tactile_servo.law import Goal
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import State
+
+# Time limit of a state: SLACK, and the time for its distance at the share SLOWNESS of its speed.
+SLACK, SLOWNESS = 10.0, 0.05  # s
+LONGEST_TRACK = 1800.0  # s, for a goal without a length
 
 
 class Phase(Enum):
@@ -42,42 +48,33 @@ _STATES = {phase: State.HOLD if phase in HELD | {Phase.STOPPING} else
            State.APPROACH if phase is Phase.TEST else State.TRACK if phase is Phase.HALT
            else State[phase.name] for phase in Phase}
 
-# Causes after which the robot continues only when asked: whoever caused the hold must know that
-# the robot will move.
-BINDING = frozenset({ReasonCode.PAUSED, ReasonCode.NOT_FOLLOWING, ReasonCode.CONTROLLER_INACTIVE,
-                     ReasonCode.SEVERAL_PUBLISHERS, ReasonCode.CLOCK_STOPPED})
+
+class TimeLimits:
+    """Total times of approach, tracking and retreat, and the longest ones that are allowed [s]."""
+
+    def __init__(self, config: ServoConfig, goal: Goal):
+        speed, length = config.approach.speed, getattr(goal, 'length', 0.0)
+        self._spent: dict[State, float] = defaultdict(float)
+        self._longest = {
+            State.APPROACH: _longest(config.approach.distance, speed),
+            State.TRACK: _longest(length, goal.speed) if length else LONGEST_TRACK,
+            State.RETREAT: _longest(config.retreat.distance, speed)}
+
+    def spend(self, phase: Phase, time: float) -> None:
+        """Add a time in a phase [s]."""
+        self._spent[_limited(phase)] += time
+
+    def problem(self, phase: Phase) -> Reason | None:
+        """Return that one of these states has lasted too long, or None."""
+        longest = self._longest[_limited(phase)]
+        over = self._spent[_limited(phase)] > longest
+        return Reason(ReasonCode.TIME_LIMIT, f'{longest:.0f} s') if over else None
 
 
-@dataclass
-class Hold:
-    """
-    Cause of a hold, and conditions of its end.
+def _longest(distance: float, speed: float) -> float:
+    return SLACK + distance / (SLOWNESS * speed)
 
-    Once the hold is `bound`, later problems do not change its cause, except `stray`.
-    """
 
-    after: Phase  # in which the goal continues; only TRACK needs an observation of the edge
-    cause: Reason
-    began: float  # steady time [s]
-    of_law: bool = False  # the law requested it
-    bound: bool = False  # it ends only when asked
-    asked: bool = False  # somebody has asked to continue
-    well_since: float | None = None  # steady time [s], None while there is a problem
-
-    def worsen(self, why: Reason, elsewhere: bool) -> None:
-        """Process a problem, and whether the robot may have been moved (`elsewhere`)."""
-        self.asked = False
-        if not self.bound:
-            self.cause, self.bound = why, elsewhere or why.code in BINDING
-
-    def stray(self, off: float) -> None:
-        """Bind the hold because the robot is at a distance [m] from its commanded pose."""
-        self.bound, self.cause = True, Reason(
-            ReasonCode.NOT_FOLLOWING, f'it is {1e3 * off:.1f} mm from where it was sent')
-
-    def see(self, well: bool, now: float) -> None:
-        """Update `well_since`: whether there is no problem at a steady time [s]."""
-        if not well:
-            self.well_since = None
-        elif self.well_since is None:
-            self.well_since = now
+def _limited(phase: Phase) -> State:
+    """Return the state whose time limit holds in a phase."""
+    return State.TRACK if phase in TRACKING else phase.state

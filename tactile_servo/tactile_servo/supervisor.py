@@ -161,16 +161,18 @@ class Supervisor:
         except ConfigurationError as error:
             return Refusal(ReasonCode.INVALID_GOAL, str(error))
         refused = self.law.validate(goal) or self.around
-        if refused is None and self.inputs.joints is None:
+        if refused is not None:
+            return refused
+        if self.inputs.joints is None:
             return Refusal(ReasonCode.NO_JOINT_STATE,
                            self.inputs.unbelieved or 'none has been received')
-        if refused is None and self.inputs.sensor is None:
+        if self.inputs.sensor is None:
             return Refusal(ReasonCode.NO_IMAGE, 'no sensor_info has been received')
         lacking = self.inputs.contact_missing(images=False)
-        if refused is not None or lacking is None or lacking.code is not ReasonCode.NOT_TARED:
-            return refused
+        if lacking is None or lacking.code is not ReasonCode.NOT_TARED:
+            return None
         # If `sensor_info` says that the sensor is tared, the next contact will say so too.
-        return None if self.inputs.sensor and self.inputs.sensor.tared_at_ns else lacking
+        return None if self.inputs.sensor.tared_at_ns else lacking
 
     def note(self, refusal: Refusal) -> None:
         """Show a refusal in the status of an idle servo: the action returns no reason for it."""
@@ -279,9 +281,9 @@ class Supervisor:
         late = Reason(
             ReasonCode.NOT_FOLLOWING, f'commands come more than {1e3 * LATEST:.0f} ms late'
         ) if self.motion.delay.overdue > LATEST else None
-        self.run.decide(now, dt, self._clock, self.around or late)
+        self.run.decide(self._clock, self.around or late)
         self.motion.expect_lateness(self._robot_clock.lateness)
-        step = self.run.command(now, now_ns, dt, self._robot_clock.agrees)
+        step = self.run.command(now_ns, self._robot_clock.agrees)
         return self._status(self.run, step), None if step is None else step.trajectory
 
     def _status(self, run: GoalRun | None, step: MotionStep | None = None) -> Status:

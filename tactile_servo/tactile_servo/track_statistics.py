@@ -8,6 +8,7 @@ from tactile_servo.types import TaskError
 
 CONTOUR_SPACING = 0.001  # m, least travel between poses of the contour
 SETTLING_LENGTH = 0.01  # m after first contact that the error statistics exclude
+BESIDE = 0.1  # largest share of images beside the tracked feature for a success
 
 
 class TrackStatistics:
@@ -69,10 +70,11 @@ class TrackStatistics:
             self.lateral_max = max(self.lateral_max, abs(error.lateral))
             self._beside += abs(error.lateral) > self._near
 
-    @property
-    def beside(self) -> float:
-        """Share of the images after settling whose lateral error is above `near`."""
-        return self._beside / max(self._count, 1)
+    def objection(self) -> str:
+        """Return why the errors are no success, '' if they are one."""
+        beside = self._beside / max(self._count, 1)
+        return f"but {100.0 * beside:.0f} % of the images saw it beside the pad's centre" if (
+            beside > BESIDE) else ''
 
     @property
     def lateral_rms(self) -> float:

@@ -12,6 +12,7 @@ from tactile_servo.types import EdgeGoal, State
 
 # What the functions choose from that some rules name in place of a phase.
 CHOICES = {
+    GoalRun._test_or_track: {Phase.TEST, Phase.TRACK},
     GoalRun._begin_hold: {Phase.SETTLING}, GoalRun._hold_unloaded: {Phase.SETTLING},
     GoalRun._end: {Phase.RETREAT, Phase.STOPPING}, GoalRun._lift: {Phase.RETREAT, Phase.STOPPING},
     GoalRun._resume: {Phase.APPROACH, Phase.TRACK, Phase.RETREAT}}

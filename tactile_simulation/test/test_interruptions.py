@@ -372,9 +372,9 @@ def test_a_contour_that_does_not_close_ends(monkeypatch):
 @pytest.mark.parametrize('state', [State.APPROACH, State.TRACK, State.RETREAT])
 def test_no_state_lasts_for_ever(state, monkeypatch):
     """A robot whose every wanted motion is held back, by so little that it counts as moving."""
-    monkeypatch.setattr('tactile_servo.goal_run.SLACK', 0.1)
-    monkeypatch.setattr('tactile_servo.goal_run.SLOWNESS', 0.2)
-    monkeypatch.setattr('tactile_servo.goal_run.LONGEST_TRACK', 1.0)
+    monkeypatch.setattr('tactile_servo.phases.SLACK', 0.1)
+    monkeypatch.setattr('tactile_servo.phases.SLOWNESS', 0.2)
+    monkeypatch.setattr('tactile_servo.phases.LONGEST_TRACK', 1.0)
     loop = puma_loop(tracker='resolved_rate', config=ServoConfig(
         approach=ApproachConfig(distance=0.005), retreat=RetreatConfig(distance=0.003)))
     loop.run(EdgeGoal(0.03, 5.0, length=0.01 if state == State.RETREAT else 0.0), 9.0,
@@ -507,6 +507,15 @@ def test_who_asks_to_go_on_hears_what_happens(it):
 def test_a_goal_that_ends_is_not_paused_any_more(it):
     it.loop.servo.cancel()
     assert it.loop.servo.pause(True, it.loop.now).code == ReasonCode.CANCELLED
+
+
+def test_a_pause_may_last_longer_than_another_hold():
+    it = Interrupted('trace', State.TRACK, 0, config=ServoConfig(hold=HoldConfig(give_up=0.5)))
+    it.loop.servo.pause(True, it.loop.now)
+    it.loop.run(None, 1.0)
+    it.loop.servo.pause(False, it.loop.now)
+    it.loop.run(None, 20.0)
+    assert it.loop.servo.success, it.loop.servo.reason
 
 
 def test_a_goal_for_a_sensor_that_is_not_tared_is_refused_at_once():
