@@ -1,9 +1,11 @@
-"""Start times of control cycles: at the arrival of images, or by a timer."""
+"""Start times of control cycles, at the arrival of images or by a timer; times of statuses."""
 
 from dataclasses import dataclass, field
 import math
+from typing import Any
 
-from tactile_servo.types import Timing
+from tactile_common.ros.conversions import NS
+from tactile_servo.types import Status, Timing
 
 # EARLY to AHEAD are shares of a period.
 EARLY = 0.8  # before an expected image: the timer leaves a cycle due from then on to the image
@@ -11,6 +13,7 @@ LATE = 0.3  # after an expected image: the timer waits until then
 LEAST = 0.5  # least time between the starts of two cycles
 SHORTEST = 0.25  # least time from the end of a cycle to the timer, if the next cycle is late
 AHEAD = 0.1  # that a timer may be early
+STATUS_PERIOD = 0.01  # s between status messages; a new state or reason is published at once
 SMOOTHING = 0.1  # weight of the newest interval in the mean time between images
 
 
@@ -80,3 +83,27 @@ class Pace:
         cost = sum(self.costs) / len(self.costs) if self.costs else math.nan
         self.costs = []
         return Timing(latency, now - self.last, cost, self.cycles, self.missed)
+
+
+@dataclass
+class StatusTiming:
+    """When to publish the status, and the latency from image to command; times in s."""
+
+    published: tuple[Any, Any] | None = None  # state and reason that were last published
+    next: float = -math.inf  # when the same state and reason are published again
+    used_ns: int = 0  # stamp of the newest image that was used
+    latency: float = math.nan  # from that stamp to the first command; NaN if there was none
+
+    def due(self, now: float, status: Status) -> bool:
+        """Return whether to publish a status now."""
+        news = status.state, status.reason
+        if news == self.published and now < self.next:
+            return False
+        self.published, self.next = news, max(self.next + STATUS_PERIOD, now)
+        return True
+
+    def record_image(self, stamp_ns: int, commanded: bool, now_ns: float) -> None:
+        """Record the stamp of the image that a cycle used, and whether it sent a command."""
+        if stamp_ns != self.used_ns:
+            self.used_ns = stamp_ns
+            self.latency = (now_ns - stamp_ns) / NS if commanded else math.nan

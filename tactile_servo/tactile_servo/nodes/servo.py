@@ -1,7 +1,5 @@
 """Servo node: computes joint trajectories from images, contacts and joint states (chapter 5)."""
 
-from dataclasses import dataclass
-import math
 from time import perf_counter, thread_time, time_ns
 from typing import Any
 
@@ -40,50 +38,16 @@ from tactile_servo.law import Teachable
 from tactile_servo.laws.registry import law_named, LAWS
 from tactile_servo.nodes.goal_server import GoalServer
 from tactile_servo.nodes.graph_guard import GraphGuard
-from tactile_servo.nodes.pace import Pace
+from tactile_servo.nodes.pace import Pace, StatusTiming
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.robot_config import NodeConfig, robot_of
 from tactile_servo.supervisor import Supervisor
-from tactile_servo.types import State, Status
+from tactile_servo.types import State
 
 GUARD_PERIOD = 0.1  # s between checks of the graph
-STATUS_PERIOD = 0.01  # s between status messages; a new state or reason is published at once
 JOURNAL_LENGTH = 50  # calls in a message: about 10 cycles
 _NEWEST = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-@dataclass
-class Pending:
-    """Newest unprocessed inputs with arrival times [s]; image and contact are serialized."""
-
-    image: tuple[Any, float] | None = None
-    contact: tuple[Any, float] | None = None
-    force: tuple[np.ndarray, float] | None = None
-
-
-@dataclass
-class StatusTiming:
-    """When to publish the status, and the latency from image to command; times in s."""
-
-    published: tuple[Any, Any] | None = None  # state and reason that were last published
-    next: float = -math.inf  # when the same state and reason are published again
-    used_ns: int = 0  # stamp of the newest image that was used
-    latency: float = math.nan  # from that stamp to the first command; NaN if there was none
-
-    def due(self, now: float, status: Status) -> bool:
-        """Return whether to publish a status now."""
-        news = status.state, status.reason
-        if news == self.published and now < self.next:
-            return False
-        self.published, self.next = news, max(self.next + STATUS_PERIOD, now)
-        return True
-
-    def record_image(self, stamp_ns: int, commanded: bool, now_ns: float) -> None:
-        """Record the stamp of the image that a cycle used, and whether it sent a command."""
-        if stamp_ns != self.used_ns:
-            self.used_ns = stamp_ns
-            self.latency = (now_ns - stamp_ns) / NS if commanded else math.nan
 
 
 class EdgeServoNode(TactileNode):
@@ -114,7 +78,9 @@ class EdgeServoNode(TactileNode):
         follow_changes(self, law.config_type, self._servo.retune)
         self.texts = {'robot_description': self._model.urdf}
         compile_kernels()
-        self._pace, self._pending = Pace(1.0 / servo_config.rate), Pending()
+        self._pace = Pace(1.0 / servo_config.rate)
+        # Newest unprocessed inputs with arrival times [s]; image and contact are serialized.
+        self._pending: dict[str, tuple[Any, float]] = {}
         self._status_msg, self._pose_msg = ServoStatus(), PoseStamped()
         self._status_timing = StatusTiming()
         self._status_msg.header.frame_id = config.tip_frame
@@ -220,28 +186,26 @@ class EdgeServoNode(TactileNode):
 
     def _on_wrench(self, msg: WrenchStamped) -> None:
         force = msg.wrench.force
-        self._pending.force = np.array([force.x, force.y, force.z]), perf_counter()
+        self._pending['force'] = np.array([force.x, force.y, force.z]), perf_counter()
 
     def _on_contact(self, raw: bytes) -> None:
-        self._pending.contact = raw, perf_counter()
-        if not self._servo.law.sees_images:
-            self._on_trigger(self._pending.contact[1])
+        self._on_input('contact', raw, not self._servo.law.sees_images)
 
     def _on_image(self, raw: bytes) -> None:
-        self._pending.image = raw, perf_counter()
-        if self._servo.law.sees_images:
-            self._on_trigger(self._pending.image[1])
+        self._on_input('image', raw, self._servo.law.sees_images)
 
-    def _on_trigger(self, arrival: float) -> None:
-        if self._pace.hear(arrival):
+    def _on_input(self, name: str, raw: bytes, starts_cycle: bool) -> None:
+        arrival = perf_counter()
+        self._pending[name] = raw, arrival
+        if starts_cycle and self._pace.hear(arrival):
             self._on_cycle()
 
     def _process_inputs(self) -> None:
         """Unpack the newest inputs and pass them to the servo."""
         # The image first, because a law refines an image that it has processed by its contact.
-        pending, self._pending = self._pending, Pending()
-        if pending.image is not None:
-            raw, arrival = pending.image
+        pending, self._pending = self._pending, {}
+        if 'image' in pending:
+            raw, arrival = pending['image']
             try:
                 image = image_from_msg(unpacked(raw, TactileImage))
                 self._servo.see_image(image, arrival)
@@ -252,10 +216,10 @@ class EdgeServoNode(TactileNode):
                 self._servo.inputs.refused = getattr(
                     error, 'reason', Reason(ReasonCode.BAD_IMAGE, str(error)))
                 self._warn(f'image ignored: {error}')
-        if pending.force is not None:
-            self._servo.see_wrench(*pending.force)
-        if pending.contact is not None:
-            raw, arrival = pending.contact
+        if 'force' in pending:
+            self._servo.see_wrench(*pending['force'])
+        if 'contact' in pending:
+            raw, arrival = pending['contact']
             try:
                 msg = unpacked(raw, ContactMsg)
                 self._check_frame(msg)
