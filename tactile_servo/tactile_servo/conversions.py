@@ -7,6 +7,7 @@ times faster than creating one, and a message can be reused once it has been pub
 
 from array import array
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
@@ -103,8 +104,12 @@ def joint_positions(message: JointState, joint_names: Sequence[str]) -> np.ndarr
 
 def edge_goal_from_msg(message: TrackEdge.Goal) -> EdgeGoal:
     """Convert a TrackEdge goal message to an EdgeGoal; direction 0 means +1."""
-    return EdgeGoal(message.speed, message.force, message.direction or 1, message.length,
-                    message.retreat, message.closed, message.client_timeout)
+    return EdgeGoal(**_values(message, EdgeGoal) | {'direction': message.direction or 1})
+
+
+def _values(message: Any, kind: type) -> dict[str, Any]:
+    """Return the values of a message for the fields of a dataclass with the same names."""
+    return {field.name: getattr(message, field.name) for field in fields(kind)}
 
 
 def edge_result_to_msg(servo: Supervisor, duration: float, base_frame: str) -> TrackEdge.Result:
@@ -130,25 +135,25 @@ def _outcome(servo: Supervisor, duration: float) -> dict[str, Any]:
 
 def edge_feedback_to_msg(status: ServoStatus) -> TrackEdge.Feedback:
     """Convert a ServoStatus message to TrackEdge feedback."""
-    return TrackEdge.Feedback(
-        lateral_error=status.lateral_error, angle_error=status.angle_error, **_progress(status))
+    return _feedback(status, TrackEdge.Feedback())
 
 
-def _progress(status: ServoStatus) -> dict[str, Any]:
-    """Return the fields that the feedback of all actions has."""
-    return {name: getattr(status, name) for name in (
-        'state', 'reason_code', 'reason', 'progress', 'normal_force')}
+def _feedback(status: ServoStatus, message: Any) -> Any:
+    """Fill the fields of feedback that a status has too."""
+    for name in message.get_fields_and_field_types():
+        setattr(message, name, getattr(status, name, getattr(message, name)))
+    return message
 
 
 def surface_goal_from_msg(message: TrackSurface.Goal) -> SurfaceGoal:
     """Convert a TrackSurface goal message to a SurfaceGoal."""
-    direction = message.direction
-    return SurfaceGoal(
-        message.speed, message.force, int(message.pattern),
-        (direction.x, direction.y, direction.z), message.length, message.duration,
-        (float(message.size[0]), float(message.size[1])), message.step_over,
-        np.array([(point.x, point.y, point.z) for point in message.points]).reshape(-1, 3),
-        message.features, message.retreat, message.client_timeout)
+    return SurfaceGoal(**_values(message, SurfaceGoal) | {
+        'direction': _xyz(message.direction), 'size': tuple(message.size.tolist()),
+        'points': np.array([_xyz(point) for point in message.points]).reshape(-1, 3)})
+
+
+def _xyz(vector: Any) -> tuple[float, float, float]:
+    return vector.x, vector.y, vector.z
 
 
 def surface_result_to_msg(servo: Supervisor, duration: float,
@@ -189,9 +194,8 @@ def _facing(point: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 def surface_feedback_to_msg(status: ServoStatus) -> TrackSurface.Feedback:
     """Convert a ServoStatus message to TrackSurface feedback."""
-    return TrackSurface.Feedback(
-        contact_error=Point(x=status.lateral_error, y=status.longitudinal_error),
-        **_progress(status))
+    return _feedback(status, TrackSurface.Feedback(contact_error=Point(
+        x=status.lateral_error, y=status.longitudinal_error)))
 
 
 class Action(NamedTuple):
