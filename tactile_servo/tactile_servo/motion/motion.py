@@ -23,13 +23,7 @@ from tactile_servo.motion.limits import (
 )
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
-from tactile_servo.motion.window import (
-    APART,
-    at_rest,
-    committed,
-    extended,
-    Window,
-)
+from tactile_servo.motion.window import APART, at_rest, committed, extended, Window
 
 UNDAMPED = 1e-6  # damping without effect [m/rad]
 STILL = 1e-12  # least joint rate in divisions, per unit of a path
@@ -82,7 +76,8 @@ class Motion:
 
     def __init__(self, robot: RobotModel, limits: JointLimits, period: float,
                  workspace: WorkspaceBox | None = None):
-        self._robot, self._limits, self._workspace = robot, limits, workspace
+        self._robot, self._limits = robot, limits
+        self._workspace = workspace or WorkspaceBox(np.full(3, -np.inf), np.full(3, np.inf))
         self._period = period
         self._ahead = COMMITTED  # or longer, see `expect_lateness`
         self._inverse = BoundedInverse(limits)
@@ -259,16 +254,14 @@ class Motion:
               settling: bool) -> tuple[Window, MotionStep]:
         """Plan the window that follows the committed part with a wanted twist; send nothing."""
         period, limits = self._period, self._limits
-        joints, twist, at_wall = Joints(kept.positions[-1], kept.velocities[-1]), wanted, ''
+        joints = Joints(kept.positions[-1], kept.velocities[-1])
         # The velocities hold at the end of the period, so use the Jacobian there: with that of the
         # start, a probe that rolls at 1.5 rad/s would leave its surface at 0.7 mm/s.
         end = joints.positions + period * joints.velocities
         pose, jacobian = self._robot.place(end)
         coast = (COAST + 1.0) * period
-        if self._workspace is not None:
-            twist, clipped = self._workspace.limit(
-                pose, wanted, period + coast + 2.0 * limits.stopping_time)
-            at_wall = 'workspace' if clipped else ''
+        twist, clipped = self._workspace.limit(
+            pose, wanted, period + coast + 2.0 * limits.stopping_time)
         reach = limits.reach(joints, period, coast)
         velocities, scale, bound, manipulability = self._inverse.solve(
             jacobian, twist, joints, reach)
@@ -282,10 +275,10 @@ class Motion:
         # At a constant twist the joint velocities change as the arm moves, also in the coast.
         bend, _ = damped_least_squares(jacobian, -self._robot.bias(end, joints.velocities))
         window = self._window(kept, velocities, bend, reach)
-        if self._workspace is not None and at_wall and self._bends_out(window, self._workspace):
+        if clipped and self._bends_out(window):
             velocities, guarded = limits.guard(reach.stop, reach)
             window = self._window(kept, velocities, bend, reach)
-        limited_by = at_wall or bound or guarded
+        limited_by = 'workspace' if clipped else bound or guarded
         self._since_limit += self._period
         if limited_by.startswith(POSITION):
             self._limit, self._since_limit = limits.end_of(limited_by, self.positions), 0.0
@@ -319,9 +312,9 @@ class Motion:
         return extended(kept, velocities, coasted, self._period, coast,
                         self._limits.acceleration)
 
-    def _bends_out(self, window: Window, box: WorkspaceBox) -> bool:
+    def _bends_out(self, window: Window) -> bool:
         """Return True if a window, which brakes in a curve, ends further out of the box."""
-        here, there = (box.beyond(self._robot.pose(place)[:3, 3])
+        here, there = (self._workspace.beyond(self._robot.pose(place)[:3, 3])
                        for place in window.positions[[0, -1]])
         return bool((there > here + BOX_EXCESS).any())
 
