@@ -4,16 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tactile_common.errors import ConfigurationError
-
 
 @dataclass(eq=False)  # not frozen: one is made every cycle
 class Trajectory:
-    """
-    Points of a joint trajectory; only the shapes are checked, not the values.
-
-    Raises a ConfigurationError if an array has a wrong shape.
-    """
+    """Points of a joint trajectory."""
 
     joint_names: tuple[str, ...]  # n, the order of the columns
     times: np.ndarray  # (K,), since the start [s]
@@ -21,11 +15,3 @@ class Trajectory:
     velocities: np.ndarray | None = None  # (K, n) [rad/s or m/s]
     accelerations: np.ndarray | None = None  # (K, n) [rad/s^2 or m/s^2]
     stamp_ns: int = 0  # start in the robot's clock [ns]; 0 means start on reception
-
-    def __post_init__(self) -> None:
-        shape = len(self.times), len(self.joint_names)
-        for name in ('positions', 'velocities', 'accelerations'):
-            values = getattr(self, name)
-            if values is not None and values.shape != shape:
-                raise ConfigurationError(
-                    f'{name}: shape {values.shape}, must be (points, joints) = {shape}')
