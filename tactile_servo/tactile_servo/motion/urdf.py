@@ -8,10 +8,8 @@ import pinocchio
 from tactile_common.errors import ConfigurationError
 
 MOVING = ('revolute', 'prismatic', 'continuous')
-LIMITS = ('lower', 'upper', 'velocity')
 MAX_BYTES = 16 << 20  # largest size of a URDF
 WIDEST_RANGE = 16.0 * np.pi  # rad from limit to limit; wider limits are in degrees
-_UNBOUNDED = 1e6  # replaces an infinite limit [rad], because the parser needs a number
 
 
 def text_of(description: str) -> str:
@@ -119,11 +117,9 @@ def limits_of(joint: ElementTree.Element) -> tuple[float, float, float]:
     """Return a moving joint's lower, upper and velocity limit; soft limits restrict further."""
     _refuse_no_axis(joint)
     limit = joint.find('limit')
-    needed = LIMITS[2:] if joint.get('type') == 'continuous' else LIMITS
-    values = {'lower': -np.inf, 'upper': np.inf}
-    for key in needed:
-        values[key] = _number(joint, limit, key)
-    lower, upper, velocity = values['lower'], values['upper'], values['velocity']
+    lower, upper = (-np.inf, np.inf) if joint.get('type') == 'continuous' else (
+        _number(joint, limit, 'lower'), _number(joint, limit, 'upper'))
+    velocity = _number(joint, limit, 'velocity')
     if joint.get('type') == 'revolute' and upper - lower > WIDEST_RANGE:
         raise _wrong(joint, f'limits {lower} to {upper} must be in rad')
     soft = joint.find('safety_controller')
@@ -151,9 +147,8 @@ def pinocchio_model(robot: ElementTree.Element, chain: list[ElementTree.Element]
         element.extend(joint.findall(part)[0] for part in ('parent', 'child', 'origin', 'axis')
                        if joint.find(part) is not None)
         if kind != 'fixed':
-            bounds = np.clip(limits_of(joint), -_UNBOUNDED, _UNBOUNDED).tolist()
-            values = dict(zip(LIMITS, map(repr, bounds), strict=True))
-            ElementTree.SubElement(element, 'limit', {'effort': '0', **values})
+            ElementTree.SubElement(  # not used, but the parser needs limits
+                element, 'limit', lower='-1', upper='1', velocity='1', effort='0')
     try:
         return pinocchio.buildModelFromXML(ElementTree.tostring(stripped, encoding='unicode'))
     except (ValueError, RuntimeError) as error:
