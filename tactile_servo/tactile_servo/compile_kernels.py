@@ -13,7 +13,7 @@ from tactile_servo.following import FollowingCheck
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Observation
 from tactile_servo.laws.edge_following import EdgeFollowing
-from tactile_servo.motion.limits import JointLimits, WorkspaceBox
+from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.motion import Motion
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.window import at_rest, sample
@@ -41,10 +41,9 @@ def compile_kernels() -> None:
     limits = JointLimits(tuple(model.joint_names), model.lower, model.upper,
                          model.velocity_limit, np.ones(2))
     half_spaces(Skin(DEPTH, 2.0 * DEPTH))  # no kernel, but its first call is slow
-    motion = Motion(model, limits, 0.0025, WorkspaceBox(-np.ones(3), np.ones(3)))
+    motion = Motion(model, limits, 0.0025)
     motion.seed(np.zeros(2))
     motion.command(np.full(6, 0.01), 0)
-    motion.along(np.ones(6))
     sample(at_rest(np.zeros(2), 0.0), 0.0)
     inputs = Inputs(model, limits)
     inputs.see_joints(np.zeros(2), 0, 0.0)
