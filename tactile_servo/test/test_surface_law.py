@@ -270,7 +270,7 @@ def test_features_are_gone_through_along_the_way(law):
 
 
 def test_several_aims_are_interpolated():
-    aims = [PadContact(force, np.full(2, force), np.zeros(3)) for force in (1.0, 3.0, 4.0)]
+    aims = [PadContact(force, np.full(2, force)) for force in (1.0, 3.0, 4.0)]
     for share, force in ((-1, 1.0), (0, 1.0), (0.25, 2.0), (0.5, 3.0), (0.75, 3.5), (2, 4.0)):
         aim = between(aims, share)
         assert aim.force == pytest.approx(force) and aim.place == pytest.approx([force] * 2)

@@ -31,7 +31,6 @@ class PadContact(NamedTuple):
 
     force: float  # N
     place: np.ndarray  # (2,), on the pad [m]
-    error: np.ndarray  # (3,), J^-1 (F_d - F_a): two on the pad, one along the normal [m]
 
 
 class Felt(NamedTuple):
@@ -39,7 +38,6 @@ class Felt(NamedTuple):
 
     force: float
     place: np.ndarray
-    error: np.ndarray
     normal: np.ndarray  # (3,), inward normal in the base frame
     centre: np.ndarray  # (3,), centre of the probe [m]
     area: float  # root of the determinant of the image's variance [m^2]
@@ -69,8 +67,9 @@ class ContactSense:
     def contact_of(self, features: np.ndarray) -> PadContact:
         """Return the contact for features (3,)."""
         inverse = self.table.nearest(features) if self.table else self._inverse
-        error = inverse @ (self.centred - features)
-        return PadContact(max(self.force - self.stiffness * error[2], 0.0), -error[:2], error)
+        # J^-1 (F_d - F_a): two on the pad, one along the normal [m]
+        x, y, z = inverse @ (self.centred - features)
+        return PadContact(max(self.force - self.stiffness * z, 0.0), np.array([-x, -y]))
 
     def look(self, image: TactileImage, pose: np.ndarray) -> Felt | Reason:
         """Return the contact of an image at a pose (4, 4), or the reason why there is none."""
@@ -81,7 +80,7 @@ class ContactSense:
         if not shown[0] > LEAST_CONTACT * self.force:
             return Reason(ReasonCode.CONTACT_LOST)
         contact = self.contact_of(shown)
-        if not (np.isfinite(contact.error).all()
+        if not (math.isfinite(contact.force)
                 and abs(contact.place[0]) <= BEYOND * self.array.half_width_x
                 and abs(contact.place[1]) <= BEYOND * self.array.half_width_y):
             return Reason(ReasonCode.CONTACT_LOST, 'it is not on the pad')

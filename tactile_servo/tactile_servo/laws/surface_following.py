@@ -291,9 +291,10 @@ class JacobianRate(SurfaceFollowing):
                commanded: np.ndarray, robot: Motion, dt: float) -> np.ndarray:
         twist, ahead = np.zeros(6), commanded[:3, :3].T @ way
         twist[:2] = self._motion.speed * ahead[:2] / max(math.hypot(ahead[0], ahead[1]), 1e-9)
-        rate = RATE_SHARE * self.config.force.gain
-        dx, dy, dz = rate * (self._felt.error - self._going.aim.error)
-        twist[2] = clipped(dz, -LIFT, PRESS)
+        rate, felt, aim = RATE_SHARE * self.config.force.gain, self._felt, self._going.aim
+        dx, dy = rate * (aim.place - felt.place)
+        twist[2] = clipped(
+            rate * (aim.force - felt.force) / self._sense.stiffness, -LIFT, PRESS)
         turn = np.array([dy, -dx, 0.0]) / self._dome.array_radius
         turn *= min(1.0, ROLL_RATE / max(math.sqrt(turn @ turn), 1e-12))
         twist[:3] += np.cross(turn, -self._dome.centre)

@@ -73,5 +73,4 @@ def between(wanted: Sequence[PadContact], share: float) -> PadContact:
         return wanted[0]
     was, will, part = wanted[k], wanted[k + 1], place - k
     return PadContact(was.force + part * (will.force - was.force),
-                was.place + part * (will.place - was.place),
-                was.error + part * (will.error - was.error))
+                      was.place + part * (will.place - was.place))
