@@ -60,7 +60,6 @@ class EdgeMap:
         # Newest path; the path of a lost edge remains until a new one begins.
         self.path: TracedPath = None  # type: ignore[assignment]
         self.station = 0.0  # station of the pad in the newest image that shows the edge [m]
-        self._axes: list[list[float]] = []  # x and y axes of the plane in the base frame
         self._cloud = np.empty(0, CLOUD_POINT)  # points of the last images
         self._counts: list[int] = []  # number of points of each image
         self.followed = False  # True while images extend the newest path
@@ -75,7 +74,7 @@ class EdgeMap:
         if isinstance(picture, Reason):
             return picture
         if self.plane is None:
-            self.plane, self._axes = plane, plane[:2, :3].tolist()
+            self.plane = plane
             self._yaw = YawError(picture.scale.grain)
         self.picture, self.scale = picture, picture.scale
         return None
@@ -160,10 +159,10 @@ class EdgeMap:
         self._near = retyped(nodes_from(path.nodes, self.station - behind, behind,
                                         path.open_start, path.end is PathEnd.VIEW))
 
-    def way_in_base(self, x: float, y: float) -> tuple[float, float, float]:
-        """Transform a direction x, y of the plane to the base frame."""
-        (ax, ay, az), (bx, by, bz) = self._axes
-        return x * ax + y * bx, x * ay + y * by, x * az + y * bz
+    def way_in_base(self, x: float, y: float) -> list[float]:
+        """Transform a direction x, y of the plane to the base frame (3,)."""
+        way: list[float] = (x * self.plane[0, :3] + y * self.plane[1, :3]).tolist()
+        return way
 
     def contour(self) -> np.ndarray | None:
         """Return the edge up to the pad, in the base frame (N, 3) [m]; None without a path."""

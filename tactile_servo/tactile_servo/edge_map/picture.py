@@ -1,7 +1,7 @@
 """Image of the edge: checked, repaired and located by its pose; lengths of its pad."""
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 import math
 from typing import NamedTuple
 
@@ -42,7 +42,6 @@ class PadScale(NamedTuple):
     grain: float
 
     @classmethod
-    @lru_cache  # needed for every image
     def of(cls, array: TactelArray, depth: float) -> 'PadScale':
         """Return the scale of an array whose tactels lie at a depth [m]."""
         half_x, half_y = array.half_width_x, array.half_width_y

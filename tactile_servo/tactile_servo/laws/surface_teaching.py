@@ -1,6 +1,5 @@
 """Desired features that were taught to the probe, under names that goals refer to (6.4.1)."""
 from collections.abc import Sequence
-import math
 import re
 
 import numpy as np
@@ -67,10 +66,9 @@ class Lessons:
 
 def between(wanted: Sequence[PadContact], share: float) -> PadContact:
     """Interpolate between the wanted contacts, at a share of the path from 0 to 1."""
-    place = min(max(share, 0.0), 1.0) * (len(wanted) - 1)
-    k = min(math.floor(place), len(wanted) - 2)
-    if k < 0:
+    if len(wanted) == 1:
         return wanted[0]
-    was, will, part = wanted[k], wanted[k + 1], place - k
-    return PadContact(was.force + part * (will.force - was.force),
-                      was.place + part * (will.place - was.place))
+    rows = np.array([(contact.force, *contact.place) for contact in wanted]).T
+    force, x, y = (float(np.interp(share, np.linspace(0.0, 1.0, len(wanted)), row))
+                   for row in rows)
+    return PadContact(force, np.array([x, y]))
