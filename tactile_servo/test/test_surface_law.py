@@ -19,10 +19,9 @@ from tactile_servo.conversions import surface_goal_from_msg, touch_to_msg
 from tactile_servo.law import Observation, Teachable, Touch
 from tactile_servo.laws.registry import LAWS, make_law
 from tactile_servo.laws.surface_config import JacobianConfig, ProbeConfig, SurfaceConfig
-from tactile_servo.laws.surface_features import ContactSense, Felt, PadContact
+from tactile_servo.laws.surface_features import between, ContactSense, Felt, PadContact
 from tactile_servo.laws.surface_following import SurfaceFollowing
 from tactile_servo.laws.surface_goal import Pattern, refuse_surface_goal, SurfaceGoal
-from tactile_servo.laws.surface_teaching import between
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.tactile_jacobian.features import FeatureKind, ModelFeatures
 from tactile_servo.tactile_jacobian.jacobian import Increments

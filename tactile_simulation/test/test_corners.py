@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_sensing.types.array import TactelArray
-from tactile_servo.edge_map.corner import Corner, fit
-from tactile_servo.edge_map.corner_fit import CornerShape
+from tactile_servo.edge_map.corner import Corner, CornerShape, fit
 from tactile_servo.edge_map.picture import Picture
 from tactile_servo.edge_map.records import CLOUD_POINT, nodes_of
 from tactile_servo.edge_map.traced_path import DENIALS, TracedPath

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from tactile_servo.edge_map.corner import guess, LEAST_TURN
-from tactile_servo.edge_map.corner_fit import CornerShape
+from tactile_servo.edge_map.corner import CornerShape, guess, LEAST_TURN
 from tactile_servo.edge_map.path import sharpest_turn
 from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.records import joined, nodes_of

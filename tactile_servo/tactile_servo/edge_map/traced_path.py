@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_servo.edge_map import ends
-from tactile_servo.edge_map.corner import Corner, fit, shown
-from tactile_servo.edge_map.corner_fit import CornerShape
+from tactile_servo.edge_map.corner import Corner, CornerShape, fit, shown
 from tactile_servo.edge_map.ends import TIP
 from tactile_servo.edge_map.path import closing_node, FAR_TURN, measure, with_leg, ZONE
 from tactile_servo.edge_map.picture import Picture

@@ -33,7 +33,13 @@ from tactile_servo.law import (
     UNPLACED,
 )
 from tactile_servo.laws.surface_config import SurfaceConfig
-from tactile_servo.laws.surface_features import ContactSense, Felt, PadContact
+from tactile_servo.laws.surface_features import (
+    between,
+    ContactSense,
+    Felt,
+    Lessons,
+    PadContact,
+)
 from tactile_servo.laws.surface_goal import (
     Pattern,
     plan_path,
@@ -43,7 +49,6 @@ from tactile_servo.laws.surface_goal import (
 )
 from tactile_servo.laws.surface_motion import CENTRED, LIFT, PRESS, ROLL_RATE, STOP, SurfaceMotion
 from tactile_servo.laws.surface_record import Record
-from tactile_servo.laws.surface_teaching import between, Lessons
 from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.tactile_jacobian.table import load_table
