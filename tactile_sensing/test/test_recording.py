@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
+from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.recording import load_recording, Recording
+from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.contact import ContactType
+from tactile_sensing.types.image import Layer
 
 SHARED = Path(os.environ.get('TACTILE_SHARED_DATA', Path(__file__).parents[3] / 'shared' / 'data'))
 FINGER = SHARED / 'tekscan_finger' / 'iscan_finger.npz'
@@ -110,3 +114,15 @@ def test_recorded_finger():
     assert counts[:, loaded].max() == 100
     assert counts[:, ~loaded].max() == 9  # stray cells of the other three pads
     assert counts[:, loaded].sum() > 0.95 * counts.sum()
+
+
+@pytest.mark.skipif(not FINGER.exists(), reason=f'no {FINGER.name} in the shared data')
+def test_a_recorded_finger_is_no_line():
+    recording = load_recording(FINGER)
+    loaded = recording.frames[np.nanmax(recording.frames, axis=(1, 2)) > 10.0].astype(float)
+    found = ContactEstimator().estimate_batch(
+        loaded, TactelArray(28, 28, recording.pitch, recording.pitch),
+        [Layer('zz', 0.0, None, noise_std=0.5)])
+    kinds = found['type'][found['valid']]
+    assert (kinds == ContactType.POINT).all()
+    assert len(kinds) > 0.15 * len(loaded)

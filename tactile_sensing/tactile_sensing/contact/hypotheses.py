@@ -63,7 +63,6 @@ SHOWN = 0.5  # a patch of higher probability is fitted
 MUCH = 15.0  # a larger error of a tactel is neither a patch nor drift [standard deviations]
 LACK = 0.05  # a larger residual beyond noise is an error of the model [share of the pressure]
 EXTRAPOLATED = 0.25  # with a larger share of the pressure above full scale the shape is unknown
-DISTINCT = 4.0  # half length over half width above which a load is no point
 STRIPS = 3  # rows or columns; fewer show no direction
 FIRST_PATCH = 0.1  # start value of the variance of a patch [depths^2]
 LONG = 2.0  # half length over half width above which a line is tried first
@@ -230,16 +229,17 @@ def _search_sharp(pad: Pad, readings: Readings, scatter: float, guess: Guess,
 
 
 @njit(error_model='numpy')
-def _unexplained(one: Hypothesis) -> bool:
+def _unexplained(one: Hypothesis, rival: int) -> bool:
     """
     Return whether a load leaves more than noise and the usual scatter of the gains.
 
-    If a patch is fitted, an error of the model up to `LACK` is accepted.
+    If a patch is fitted, an error of the model up to `LACK` is accepted. The scatter of the gains
+    may hide a point behind a line, and two points behind either, but hardly a line behind a point.
     """
     wrong = one.misfit.significance > 2.0 and (
         one.residual.left > LACK or not one.beliefs.patch)
-    return (wrong or one.fit.scatter > 2.0 * one.beliefs.gain
-            or one.misfit.hidden > SHOWN)
+    scattered = one.fit.scatter > 2.0 * one.beliefs.gain or one.misfit.hidden > SHOWN
+    return wrong or scattered and not (one.beliefs.kind == POINT and rival == LINE)
 
 
 @njit(error_model='numpy')
@@ -256,32 +256,31 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
     Find the load with the greatest evidence; `best` is returned if no fit works.
 
     In the steps before 0 a kind is fitted, the second only if the first leaves a residual. Only if
-    the evidence asks for it, a patch is added to the better of them (0), a line with ends is
-    fitted (1), and a patch is added to this (2). If a residual is left, two points are fitted (3),
-    and in the free tier a plate (4): if one of them is likelier, the scatter of the gains hides a
-    load that is neither. In the last two tiers, which have an option `shape`, only the kinds are
-    fitted.
+    the evidence asks for it, a patch is added to the better of them (0), and a line with ends is
+    fitted (1). If a residual is left, two points are fitted (2), and in the free tier a plate (3):
+    if one of them is likelier, the scatter of the gains hides a load that is neither. In the last
+    two tiers, which have an option `shape`, only the kinds are fitted.
     """
     short = -np.inf  # evidence of a line too short to be one: this is a point
-    for step in range(-kinds.size, 0 if shape else 5 if power else 4):
-        kind, ends, patch = kinds[min(step, -1)], step == 1, step == 0 or step == 2
-        if step == -1 and best.fit.evidence > -np.inf and not _unexplained(best):
+    for step in range(-kinds.size, 0 if shape else 4 if power else 3):
+        kind, ends, patch = kinds[min(step, -1)], step == 1, step == 0
+        if step == -1 and best.fit.evidence > -np.inf and not _unexplained(best, kind):
             continue
-        if patch and (not best.misfit.hidden > SHOWN or step == 2 and not best.beliefs.ends):
+        if patch and not best.misfit.hidden > SHOWN:
             continue
-        if ends or step > 2:
-            kind = LINE if ends else TWO if step == 3 else PLATE
-            if not ((kinds == LINE).any() and _unexplained(best)):
+        if step > 0:
+            kind = LINE if ends else TWO if step == 2 else PLATE
+            if not (kinds == LINE).any():
                 break
-            # Of a known skin, the rival may refuse the load of the other tier too.
+            if not _unexplained(best, kind):
+                continue
             if kind > LINE and not pad.depths[0] > 0.0 and refusal(pad, readings, best):
                 break
         theta = _cold_start(pad, kind, power, guess)
         if ends:
             _add_ends(theta, guess)
         elif patch:
-            kind, ends = best.beliefs.kind, best.beliefs.ends
-            theta = best.fit.theta.copy()
+            kind, theta = best.beliefs.kind, best.fit.theta.copy()
             theta[WIDTH] = FIRST_PATCH
         one = _fitted(pad, readings, scatter, kind, ROBUST + BASELINE + POWER * power
                       + shape + ENDS * ends + PATCH * patch, theta)
@@ -304,8 +303,6 @@ def _order(pad: Pad, guess: Guess, kinds: np.ndarray) -> np.ndarray:
     """Return the kinds to try, the likelier first."""
     if min(pad.x.size, pad.y.size) < STRIPS:  # no direction is visible
         return np.array([POINT])
-    if kinds.size > 1 and guess.length > DISTINCT * guess.width:
-        return np.array([LINE])
     if kinds.size > 1 and guess.length > LONG * guess.width:
         return np.array([LINE, POINT])
     return kinds

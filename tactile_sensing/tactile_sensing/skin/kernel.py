@@ -115,8 +115,6 @@ def _polynomials(depth_over_thickness: float, poisson: float, side: float) -> np
     return coefficients
 
 
-
-
 def polynomials(skin: Skin, side: float = 0.0) -> np.ndarray:
     """
     Return the coefficients of f and g in units of the depth.
