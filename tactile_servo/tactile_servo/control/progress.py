@@ -1,10 +1,8 @@
 """Progress of a pad along its path: laps of a contour that does not close, and stalls."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
-
-import numpy as np
-from numpy.typing import ArrayLike
 
 MISS = 0.005  # m, distance within which a pad passes the start of its path
 LEFT = 10.0  # times MISS: a pad at this distance has left its start
@@ -13,6 +11,8 @@ SAME_HEADING = 0.5  # least cosine between the headings at the start and at a re
 LAPS = 1.5  # largest number of laps, by the rotation of the path
 STALL_TIME = 5.0  # s without progress
 SLOW_PROGRESS = 0.5  # share of the wanted distance that is progress at any speed
+
+Vector = Sequence[float]
 
 
 class LapGuard:
@@ -24,24 +24,23 @@ class LapGuard:
     """
 
     def __init__(self) -> None:
-        self._start: tuple[np.ndarray, np.ndarray] | None = None  # position and heading
-        self._heading = np.zeros(3)
+        self._start: tuple[Vector, Vector] | None = None  # position and heading
+        self._heading: Vector = (0.0, 0.0, 0.0)
         self._left = False
         self._passed = math.inf  # length at which the start was passed [m]
         self.turned = 0.0  # rad
 
-    def see(self, place: ArrayLike, normal: ArrayLike, heading: ArrayLike, length: float) -> None:
+    def see(self, place: Vector, normal: Vector, heading: Vector, length: float) -> None:
         """Process position [m], normal and heading (3,) of the pad, and the length so far [m]."""
-        here, last, self._heading = np.array(place), self._heading, np.array(heading)
         if self._start is None:
-            self._start = here, self._heading
+            self._start = place, heading
         else:
-            across = np.dot(np.cross(last, self._heading), normal)
-            self.turned += math.atan2(across, last @ self._heading)
+            self.turned += _turn(self._heading, heading, normal)
+        self._heading = heading
         begin, way = self._start
-        distance = float(np.linalg.norm(here - begin))
+        distance = math.dist(place, begin)
         self._left = self._left or distance > LEFT * MISS
-        if self._left and distance < MISS and way @ self._heading > SAME_HEADING:
+        if self._left and distance < MISS and _dot(way, heading) > SAME_HEADING:
             self._passed = min(self._passed, length)
 
     def problem(self, length: float) -> str:
@@ -51,6 +50,17 @@ class LapGuard:
         if abs(self.turned) > 2.0 * math.pi * LAPS:
             return f'{LAPS:g} laps'
         return ''
+
+
+def _dot(one: Vector, other: Vector) -> float:
+    return sum(a * b for a, b in zip(one, other, strict=True))
+
+
+def _turn(one: Vector, other: Vector, normal: Vector) -> float:
+    """Return the angle from one heading to the other about a normal [rad]."""
+    (ax, ay, az), (bx, by, bz), (x, y, z) = one, other, normal
+    across = x * (ay * bz - az * by) + y * (az * bx - ax * bz) + z * (ax * by - ay * bx)
+    return math.atan2(across, _dot(one, other))
 
 
 @dataclass

@@ -220,7 +220,7 @@ class EdgeFollowing:
             self._here, self._ahead = place.here, place.ahead
         to_own = place.there[:3, :3].T
         heading = edge.way_in_base(*place.along)
-        self._laps.see(pose[:3, 3], pose[:3, 2], heading, self._progress)
+        self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), heading, self._progress)
         return Reference(np.concatenate([to_own @ (*along, normal), to_own @ turn]),
                          motion.speed, heading)
 

@@ -243,7 +243,7 @@ class ResolvedRate:
                              self.config.speed.acceleration * dt)
         twist[1] = goal.direction * self._speed
         heading = [goal.direction * way for way in pose[:3, 1].tolist()]
-        self._laps.see(pose[:3, 3], pose[:3, 2], heading, self._progress)
+        self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), heading, self._progress)
         return Reference(twist, self._speed, heading)
 
     def result(self) -> LawResult:
