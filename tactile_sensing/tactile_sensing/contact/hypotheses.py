@@ -270,9 +270,7 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
             continue
         if step > 0:
             kind = LINE if ends else TWO if step == 2 else PLATE
-            if not (kinds == LINE).any():
-                break
-            if not _unexplained(best, kind):
+            if not ((kinds == LINE).any() and _unexplained(best, kind)):
                 continue
             if kind > LINE and not pad.depths[0] > 0.0 and refusal(pad, readings, best):
                 break
