@@ -32,8 +32,8 @@ class NormalWay:
         self._config, self._goal, self._law = config, goal, law
         self._inputs, self._motion = inputs, motion
         self._touched, self._lift = False, config.retreat.distance
-        self.tested = not config.self_test  # whether the sensor passed a test, or needs none
-        self.unfelt = 0.0  # largest unfelt force of the law since the last test [N]
+        self._tested = not config.self_test  # whether the sensor passed a test, or needs none
+        self._unfelt = 0.0  # largest unfelt force of the law since the last test [N]
         self._test: PressTest | None = None
         self._first = math.nan  # slope measured by the first test
         self.begin()
@@ -56,10 +56,10 @@ class NormalWay:
     def track(self, after_test: bool) -> None:
         """Begin to track, after an approach or after a press test."""
         self._touch()
-        if after_test and self.tested:  # not the first test
-            self.unfelt = 0.0
+        if after_test and self._tested:  # not the first test
+            self._unfelt = 0.0
             self._law.resume()
-        self.tested = True
+        self._tested = True
 
     @property
     def advance(self) -> float:
@@ -90,7 +90,7 @@ class NormalWay:
         self._test = PressTest(
             self._goal.force, self._inputs.load, self._law.depth, self._first, rate,
             self._config.approach.speed)
-        if self.tested and self._law.press is not None:
+        if self._tested and self._law.press is not None:
             self._law.press.learn()  # if the test fails, the goal ends
 
     def test(self, dt: float) -> np.ndarray:
@@ -120,7 +120,7 @@ class NormalWay:
             return None
         problem += ', with saturated tactels' * saturated
         return Reason(ReasonCode.TOO_DEEP, f'tested again, {problem}') if (
-            self.tested) else Reason(ReasonCode.SELF_TEST, problem)
+            self._tested) else Reason(ReasonCode.SELF_TEST, problem)
 
     def passes_test(self) -> Reason | None:
         """Return that the test is over, and the tilt that a later test has found, or None."""
@@ -128,7 +128,7 @@ class NormalWay:
         if not self._test.over:
             return None
         press, detail = self._law.press, ''
-        if self.tested and press is not None:
+        if self._tested and press is not None:
             about_x, about_y = np.degrees(press.tilt)
             detail = ('the sensor is sound; it seems to be mounted with a tilt of '
                       f'{about_x:.1f}, {about_y:.1f} degrees about its x, y')
@@ -154,7 +154,7 @@ class NormalWay:
     @property
     def needs_test(self) -> bool:
         """Whether a pad that touches is to be tested, not relieved of more than its force."""
-        return not self.tested and self._inputs.load < self._goal.force
+        return not self._tested and self._inputs.load < self._goal.force
 
     def meets_nothing(self) -> Reason | None:
         """Return that an approach has gone as far as it may, or None."""
@@ -171,13 +171,13 @@ class NormalWay:
 
     def see(self, force: float | None) -> None:
         """Process the force on the pad [N] in an assessed image, None without an image."""
-        self.unfelt = max(self.unfelt, self._law.unfelt)
+        self._unfelt = max(self._unfelt, self._law.unfelt)
         if force is not None and force >= SOUND_FORCE * self._goal.force:
             self.begin()
 
     def objection(self) -> str:
         """Return why the forces so far are no success, '' if they are one."""
-        unfelt = self.unfelt
+        unfelt = self._unfelt
         return f'but by its depth the pad pressed {unfelt:.1f} N harder than the images show' if (
             unfelt > most_doubted(self._goal.force)) else ''
 

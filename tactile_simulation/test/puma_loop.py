@@ -42,7 +42,7 @@ def free_controller(start, **options):
 
 
 def summary_of(simulation, goal, seconds=20.0):
-    """Run a goal; the summary of it."""
+    """Run a goal and return its summary."""
     simulation.run(goal, seconds)
     return simulation.summary(goal)
 
