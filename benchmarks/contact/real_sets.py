@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.io import loadmat
+from scipy.ndimage import label
 
 from benchmarks.contact.golden_pictures import Pad
 from benchmarks.contact.golden_sets import packed
@@ -36,6 +37,12 @@ def _skin(voltages):
     """Return the images of a pad of 5 x 5, tared by the first ones, and their noise [V]."""
     frames = np.asarray(voltages, float).T.reshape(-1, *SKIN[:2])
     return frames - np.median(frames[:UNLOADED], axis=0), frames[:UNLOADED].std(axis=0).mean()
+
+
+def _areas(image):
+    """Return how many areas of at least two tactels are pressed."""
+    labels, count = label(np.nan_to_num(image) > 0.2 * np.nanmax(image), np.ones((3, 3)))
+    return sum((labels == number).sum() > 1 for number in range(1, count + 1))
 
 
 _set = partial(packed, depth=np.nan)  # the skin is unknown
@@ -63,8 +70,11 @@ def real_sets(folder: Path) -> Iterator[tuple[str, dict]]:
     if (file := folder / 'iscan_finger.npz').exists():
         data = np.load(file)
         frames = data['frames'][np.nanmax(data['frames'], axis=(1, 2)) > LOADED['finger']]
-        yield 'real-tekscan/finger', _set(
-            frames, Pad(28, 28, float(data['pitch_m'])), NOISE['finger'], 'point')
+        alone = np.array([_areas(image) for image in frames]) == 1
+        for name, kind, chosen in (('real-finger/one', 'point', alone),
+                                   ('real-fingers/two', 'other', ~alone)):
+            yield name, _set(frames[chosen], Pad(28, 28, float(data['pitch_m'])),
+                             NOISE['finger'], kind)
     if (file := folder / 'emed_step.npz').exists():
         data = np.load(file)
         yield 'real-emed/foot', _set(

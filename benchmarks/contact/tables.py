@@ -13,7 +13,9 @@ FAMILIES = {
     'short': 'edges that end on the pad', 'uneven': 'edges that press unevenly: tapered and wavy',
     'reject': 'neither a point nor a line', 'real-loaded': 'real presses on a pad of 5×5',
     'real-weights': 'weights that lie on that pad', 'real-foil': 'real foil strips',
-    'real-tekscan': 'a real finger', 'real-emed': 'a real foot'}
+    'real-finger': 'a real finger', 'real-fingers': 'two real fingers or more',
+    'real-emed': 'a real foot'}
+NEITHER = 'reject', 'real-weights', 'real-fingers', 'real-emed'  # families that are to be refused
 
 
 def everything(result):
@@ -64,7 +66,8 @@ def _claim(row):
 
 
 def golden(before, now):
-    """Return the table of the families, before and now."""
+    """Return the table of the families, before and now; times are relative to the `pads`."""
+    unit = next(row['us'] for row in now if row['set'] == 'pads' and row['skin'] == 'known')
     old = {(row['set'], row['skin']): row for row in before}
     lines = []
     for row in now:
@@ -72,11 +75,12 @@ def golden(before, now):
         lines.append([
             FAMILIES.get(row['set'], row['set']), row['skin'], f'{row["n"]}',
             *(_change(was.get(name), row.get(name), '{:.1f}', 100.0) if (
-                row['set'] != 'reject' or name != 'right') else ''
+                row['set'] not in NEITHER or name != 'right') else ''
               for name in ('right', 'wrong', 'wrong_force')),
             _change(was.get('place_um'), row.get('place_um'), '{:.0f}'),
             _change(_claim(was), _claim(row), '{:.2f}'),
             _change(was.get('claim_force'), row.get('claim_force'), '{:.2f}'),
-            *(_change(was.get(name), row.get(name), '{:.0f}') for name in ('us', 'us_refused'))])
+            *(f'{row[name] / unit:.1f}' if math.isfinite(row[name]) else ''
+              for name in ('us', 'us_refused'))])
     return table(['frames', 'skin', 'number', 'right [%]', 'wrong [%]', 'of these force [%]',
-                  'place [µm]', 'worst claim', 'of force', 'time [µs]', 'refused [µs]'], lines)
+                  'place [µm]', 'worst claim', 'of force', 'time', 'refused: time'], lines)

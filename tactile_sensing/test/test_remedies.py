@@ -178,9 +178,12 @@ def test_a_threshold_within_the_noise_is_no_drift(presses, level):
 
 @pytest.mark.parametrize('share', [0.05, 0.1])
 @pytest.mark.parametrize('depth', [DEPTH, 0.0])
-def test_a_threshold_that_is_not_declared_is_seen(presses, share, depth):
+@pytest.mark.parametrize('subtracted', [True, False])
+def test_a_threshold_that_is_not_declared_is_seen(presses, share, depth, subtracted):
+    """A sensor subtracts it, or suppresses what is below it, as those of Tekscan and Novel do."""
     loads, frames, clean, noise = presses
-    kept = np.maximum(frames - share * clean.max(axis=(1, 2), keepdims=True), 0.0)
+    threshold = share * clean.max(axis=(1, 2), keepdims=True)
+    kept = np.where(frames < threshold, 0.0, frames - threshold * subtracted)
     records = found(kept, noise, depth=depth)
     assert records['valid'].mean() > 0.98
     off = (records['x'] - loads[:, 0])[records['valid']]

@@ -121,13 +121,17 @@ def hidden_floor(image: np.ndarray, noise: float) -> float:
     """
     Return the reading of an image (rows, columns) below which all are cut off, or -infinity.
 
-    A tail that rounding alone makes equal has many readings within two steps above.
+    A sensor may suppress all below a threshold: a reading that is cut off is anything below the
+    lowest of the others. A tail that rounding alone makes equal has many readings within two
+    steps above.
     """
-    low, step = np.nanmin(image), noise_of_rounding(image) * math.sqrt(12.0)
+    low, step, lowest = np.nanmin(image), noise_of_rounding(image) * math.sqrt(12.0), np.inf
     above = near = 0
     for value in image.flat:  # comparisons with NaN are false
         above += value > low
         near += low < value < low + NEAR * step
+        if low < value < lowest:
+            lowest = value
     if near > TAIL * above or not _end_of_scale(-image, noise)[0]:
         return -np.inf
-    return low
+    return lowest - 0.5 * step
