@@ -312,6 +312,7 @@ class Fault(NamedTuple):
     saturated: float = 0.0  # full scale, given to the estimator
     crosstalk: float = 0.0  # to each of the four neighbours; the tactel loses it
     ghost: float = 0.0  # share of the image displaced by 2 mm
+    threshold: float = -np.inf  # share of the peak below which readings are 0
 
     @property
     def full_scale(self) -> float:
@@ -323,7 +324,7 @@ FAULTS = {
     'none': Fault(), 'drift': Fault(drift=0.03), 'dead-row': Fault(dead_row=True),
     'dead-column': Fault(dead_column=True), 'stuck': Fault(stuck=3), 'gains': Fault(gains=0.15),
     '8bit': Fault(bits=8), 'saturated': Fault(saturated=0.6), 'crosstalk': Fault(crosstalk=0.05),
-    'hysteresis': Fault(ghost=0.05),
+    'hysteresis': Fault(ghost=0.05), 'suppressed': Fault(threshold=0.05),
     'all': Fault(drift=0.015, dead_row=True, stuck=1, gains=0.05, bits=8, saturated=0.85,
                  crosstalk=0.02, ghost=0.02)}
 
@@ -339,7 +340,7 @@ def faulty(clean, ghosts, noise, fault: Fault, rng) -> np.ndarray:
     sign = rng.choice([-1.0, 1.0], (len(frames), 1, 1))
     frames = frames + PEAK * fault.drift * sign + noise * rng.standard_normal(frames.shape)
     full = fault.full_scale or np.inf
-    frames = np.minimum(frames, full)
+    frames = np.minimum(np.where(frames < fault.threshold * PEAK, 0.0, frames), full)
     if fault.bits:
         count = full / (2**fault.bits - 1)
         frames = np.round(frames / count) * count
