@@ -124,12 +124,13 @@ def areas(image):
 
 
 @pytest.mark.skipif(not FINGER.exists(), reason=f'no {FINGER.name} in the shared data')
-def test_a_recorded_finger_is_a_point_and_two_are_none():
+@pytest.mark.parametrize('noise', [0.5, 0.0])  # 0: unknown
+def test_a_recorded_finger_is_a_point_and_two_are_none(noise):
     recording = load_recording(FINGER)
     loaded = recording.frames[np.nanmax(recording.frames, axis=(1, 2)) > 10.0].astype(float)
     found = ContactEstimator().estimate_batch(
         loaded.copy(), TactelArray(28, 28, recording.pitch, recording.pitch),
-        [Layer('zz', 0.0, None, noise_std=0.5)])
+        [Layer('zz', 0.0, None, noise_std=noise)])
     alone = np.array([areas(image) for image in loaded]) == 1
     assert alone.sum() > 90 and (~alone).sum() > 90
     assert (found['type'][found['valid']] == ContactType.POINT).all()

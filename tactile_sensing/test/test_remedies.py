@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.contact.noise import hidden_floor
+from tactile_sensing.contact.noise import hidden_floor, noise_of_rounding
 from tactile_sensing.thesis import line, point
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Reason
@@ -203,6 +203,15 @@ def test_rounding_cuts_nothing_off(presses, peak, decibels):
     counts = np.rint(counts + noise * rng.standard_normal(counts.shape))
     noise = np.hypot(noise, 12**-0.5)
     assert np.mean([hidden_floor(image, noise) > -np.inf for image in counts]) < 0.01
+
+
+def test_the_step_of_few_readings_is_found():
+    """Not the smallest difference of neighbours, 4, as for 0, 4 and 9."""
+    assert noise_of_rounding(np.array([[0.0, 4.0, 0.0, 9.0, 0.0, 6.0]])) == pytest.approx(12**-0.5)
+    volts = np.float32(0.005) * np.array([[0, 4, 0, 9, np.nan, 6, 255]], np.float32)
+    assert noise_of_rounding(volts.astype(float)) == pytest.approx(0.005 * 12**-0.5, rel=1e-5)
+    readings = np.random.default_rng(22).normal(0.0, 100.0, (50, 8, 8))
+    assert max(noise_of_rounding(image) for image in readings) < 1e-2
 
 
 def test_neither_symmetry_nor_broken_tactels_make_a_floor():

@@ -66,11 +66,14 @@ def noise_of_rounding(image: np.ndarray) -> float:
         size = abs(flat[i + 1] - flat[i])
         if FINEST * peak < size < step:
             step = size
-    for i in range(flat.size - 1):
+    i = 0
+    while i < flat.size - 1 and step > FINEST * peak:
         steps = (flat[i + 1] - flat[i]) / step
-        if abs(steps - np.rint(steps)) > UNEVEN:
-            return 0.0
-    return step / math.sqrt(12.0) if step < np.inf else 0.0
+        off = abs(steps - np.rint(steps))
+        i += 1
+        if off > UNEVEN:  # it is a multiple of the step, as in Euclid's algorithm
+            step, i = off * step, 0
+    return step / math.sqrt(12.0) if FINEST * peak < step < np.inf else 0.0
 
 
 @njit(error_model='numpy')
