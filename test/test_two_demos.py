@@ -29,6 +29,5 @@ def test_neither_hears_the_other(tmp_path):
         assert demo.returncode == 0, out + errors
         summary = json.loads(out)
         assert summary['ok'] and summary['approach_recorded'], out
-        # 30 mm where one pad heard the other's images. The first half of the way is left out: a
-        # machine too busy for two demos makes the entry onto the edge longer.
+        # Of the second half of the way: a machine too busy for two demos makes the entry longer.
         assert summary['lateral_steady'] < 0.3e-3, out

@@ -18,7 +18,7 @@ LOADED, FINEST = 0.1, 1e-6  # shares of the peak: tactels that count; resolution
 # Rounding explains equal lowest readings if more than this share of the others is within NEAR of
 # them. Of a load on a half-space a fifth and more is.
 TAIL, NEAR = 0.1, 2.5  # share; steps of the converter
-UNEVEN = 0.2  # with a larger deviation from multiples of a step, readings are not rounded [steps]
+UNEVEN = 0.2  # with a larger deviation from multiples of a step, the step is smaller [steps]
 
 
 @njit(cache=True, error_model='numpy')
@@ -71,7 +71,7 @@ def noise_of_rounding(image: np.ndarray) -> float:
         steps = (flat[i + 1] - flat[i]) / step
         off = abs(steps - np.rint(steps))
         i += 1
-        if off > UNEVEN:  # it is a multiple of the step, as in Euclid's algorithm
+        if off > UNEVEN:  # Euclid's algorithm
             step, i = off * step, 0
     return step / math.sqrt(12.0) if FINEST * peak < step < np.inf else 0.0
 
