@@ -51,7 +51,7 @@ def compile_kernels() -> None:
     inputs.see_image(image, 0.0)
     following = FollowingCheck(0.002)
     following.sent(0.0, motion.pose, inputs.pose)
-    following.problem(inputs.pose, 0.0)
+    following.problem(inputs.pose, 0.0, motion.rest_pose)
     _follow_an_edge(motion)
     place, ahead = np.zeros(3), np.array([1.0, 0.0, 0.0])
     PlanarPath(place, -UP, ahead, raster(0.02, 0.01, 0.005), 1.0).step(place, -UP, 30.0, 0.05)

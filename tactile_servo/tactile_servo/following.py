@@ -37,12 +37,17 @@ class FollowingCheck:
         self._times[k], self._sent[k], self._measured[k] = now, commanded[:3], measured[:3]
         self._count += 1
 
-    def problem(self, measured: np.ndarray, arrival: float) -> Reason | None:
-        """Check a measured pose (4, 4) that arrived at a time [s]; None if the robot follows."""
+    def problem(self, measured: np.ndarray, arrival: float, end: np.ndarray) -> Reason | None:
+        """
+        Check a measured pose (4, 4) that arrived at a time [s]; None if the robot follows.
+
+        `end` is the pose (4, 4) where the last window ends, which the robot reaches alone when
+        cycles are missed.
+        """
         if not self._count:
             return None
         away, stands = _judge(self._times, self._sent, self._measured, self._count, measured,
-                              (arrival - LATE, REST_AFTER * self._distance))
+                              end, (arrival - LATE, REST_AFTER * self._distance))
         if not away <= self._distance:
             return Reason(ReasonCode.NOT_FOLLOWING, f'it is {1e3 * away:.1f} mm from its way')
         if stands:
@@ -68,21 +73,38 @@ def apart(one: np.ndarray, other: np.ndarray) -> float:
 
 
 @njit(cache=True)
-def _judge(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count: int,
-           measured: np.ndarray, limits: tuple[float, float]) -> tuple[float, bool]:
-    """
-    Return the distance to the nearest commanded pose [m], and whether the robot is at rest.
+def _off_way(one: np.ndarray, other: np.ndarray, measured: np.ndarray) -> float:
+    """Return the distance of a pose (3 or 4, 4) from the way between two others [m]."""
+    along = square = 0.0
+    for i in range(3):
+        for j in range(4):
+            weight = 1.0 if j == 3 else 0.5 * ROTATION_LENGTH**2
+            step = other[i, j] - one[i, j]
+            along += weight * step * (measured[i, j] - one[i, j])
+            square += weight * step**2
+    share = min(max(along / max(square, 1e-300), 0.0), 1.0)
+    return apart(one[:3] + share * (other[:3] - one[:3]), measured)
 
-    `limits` are a time [s] and a distance `enough` [m]. The commands since that time count for
-    the distance, and the last one before it. The robot is at rest if it was commanded by `enough`
-    until then, and has moved by at most `REST_SHARE` of that.
+
+@njit(cache=True)
+def _judge(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count: int,
+           measured: np.ndarray, end: np.ndarray,
+           limits: tuple[float, float]) -> tuple[float, bool]:
+    """
+    Return the distance from the commanded way [m], and whether the robot is at rest.
+
+    The way leads through the commanded poses to `end`. `limits` are a time [s] and a distance
+    `enough` [m]. The commands since that time count for the distance, and the last one before it.
+    The robot is at rest if it was commanded by `enough` until then, and has moved by at most
+    `REST_SHARE` of that.
     """
     since, enough = limits
-    nearest, moved, last = math.inf, 0.0, -1
+    nearest, moved, last, following = math.inf, 0.0, -1, end
     for n in range(count - 1, max(count - SIZE, 0) - 1, -1):
         k = n % SIZE
         if last < 0:
-            distance = apart(sent[k], measured)
+            distance = _off_way(sent[k], following, measured)
+            following = sent[k]
             if not distance >= nearest:  # also if it is NaN
                 nearest = distance
             if times[k] <= since:
@@ -124,7 +146,8 @@ class Driven:
         """Return that the robot does not follow its commands, or None."""
         inputs = self._inputs
         return None if inputs.joints is None else inputs.astray(
-            self._motion.positions) or self._check.problem(inputs.pose, inputs.joints.arrival)
+            self._motion.positions) or self._check.problem(
+                inputs.pose, inputs.joints.arrival, self._motion.rest_pose)
 
     def blocked(self) -> Reason | None:
         """Return what prevents all motion, or None."""
