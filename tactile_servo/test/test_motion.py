@@ -219,7 +219,7 @@ def test_on_a_circle_the_slides_take_the_centripetal_acceleration(angle):
 def test_a_joint_near_its_limit_can_still_stop():
     left = 0.02
     pace = motion_at([2.0 - left, 0.0, 0.0, 0.0, 0.0, 0.0]).along(STRAIGHT)
-    assert pace.speed == pytest.approx(left / (LIMITS.stopping_time + (COAST + 2.0) * DT))
+    assert pace.speed == pytest.approx(left / (LIMITS.stopping_time + COAST + 2.0 * DT))
     assert pace.bound == 'position of prismatic_x'
     back = motion_at([2.0 - left, 0.0, 0.0, 0.0, 0.0, 0.0]).along(-STRAIGHT)
     assert back.speed == pytest.approx(0.8 * FASTEST)

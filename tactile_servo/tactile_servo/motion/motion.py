@@ -30,7 +30,7 @@ STILL = 1e-12  # least joint rate in divisions, per unit of a path
 # Time that a new window leaves to the previous one [s]: a period of a controller at 500 Hz and the
 # way to it, so that it does not matter when the controller takes the window.
 COMMITTED = 0.004
-COAST = 8.0  # control periods for which a window continues before it brakes
+COAST = 0.02  # s for which a window continues before it brakes, if no other follows
 SETTLING = 0.1  # least time for the controller to reach the start of a motion [s]
 LONGEST_COMMITTED = 0.01  # largest committed time [s]; with more, fast turns are less accurate
 PLANNED = 0.8  # share of a joint's velocity limit that a path may use: corrections need the rest
@@ -137,6 +137,10 @@ class Motion:
         """Return the acceleration across the sensor's normal that all joints allow [m/s^2]."""
         return allowed_acceleration(self._now.jacobian, self._limits.acceleration, 0, 2)
 
+    def lifting(self) -> float:
+        """Return the acceleration along the normal that all joints allow [m/s^2]."""
+        return allowed_acceleration(self._now.jacobian, self._limits.acceleration, 2, 3)
+
     def turning(self) -> float:
         """Return the acceleration of a turn about the normal that all joints allow [rad/s^2]."""
         return allowed_acceleration(self._now.jacobian, self._limits.acceleration, 5, 6)
@@ -150,7 +154,7 @@ class Motion:
         acceleration of the pace. There is no damping: at a singularity it would change the way.
         """
         limits, (rates, moving, bent) = self._limits, self._course(way)
-        room = limits.reach(self._now.joints, self._period, (COAST + 1.0) * self._period)
+        room = limits.reach(self._now.joints, self._period, COAST + self._period)
         speeds = np.array([np.where(rates > 0.0, room.most[0], -room.least[0]) / moving,
                            PLANNED * limits.velocity / moving,
                            np.sqrt(bending * limits.acceleration / bent)])
@@ -259,7 +263,7 @@ class Motion:
         # start, a probe that rolls at 1.5 rad/s would leave its surface at 0.7 mm/s.
         end = joints.positions + period * joints.velocities
         pose, jacobian = self._robot.place(end)
-        coast = (COAST + 1.0) * period
+        coast = COAST + period
         twist, clipped = self._workspace.limit(
             pose, wanted, period + coast + 2.0 * limits.stopping_time)
         reach = limits.reach(joints, period, coast)
@@ -299,7 +303,7 @@ class Motion:
         The coast has the joint accelerations `bend` (n,) within the limits, scaled by the squared
         ratio of the new motion to the previous one (at most 1).
         """
-        coast, previous = COAST * self._period, kept.velocities[-1]
+        coast, previous = COAST, kept.velocities[-1]
         left = velocities @ previous / max(previous @ previous, 1e-12)
         most = coast * self._limits.acceleration
         change = coast * min(max(left, 0.0), 1.0)**2 * bend
