@@ -98,7 +98,7 @@ def test_tolerances_are_by_field(capsys):
 @pytest.mark.parametrize('args, text', [
     (['--set', 'edge_servo.force.gian=1'], 'no parameter force.gian; did you mean'),
     (['--set', 'edge_servoo.rate=1'], 'no node edge_servoo is replayed; did you mean edge_servo?'),
-    (['--set', 'edge_servo.rate=1e9'], 'rate is 1000000000.0, must be between 10 and 2000 Hz'),
+    (['--set', 'edge_servo.rate=1e9'], 'rate is 1000000000.0, must be between 25 and 2000 Hz'),
     (['--set', 'edge_servo.rate'], 'must be NODE.PARAM=VALUE'),
     (['--set', 'contact_estimator.method=[1'], '--set contact_estimator.method=[1'),
     (['--set', 'contact_estimator.method=fit', '--from', 'contact'],

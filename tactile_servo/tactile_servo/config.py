@@ -8,6 +8,7 @@ SLOWEST = 1e-4  # m/s
 # Time without an image or joint state, or without seeing what is tracked, after which the servo
 # holds [s]: ten images at 200 Hz; the fastest pad moves 10 mm meanwhile.
 STALE_AFTER = 0.05
+SLOWEST_RATE = 25.0  # Hz; with less, a cycle alone counts as a stall, see `clocks.STALL`
 IMAGES, LONGEST_PATIENCE = 2.5, 0.25  # see `image_patience`: images, s
 # Largest age of a stamp [s]: STALE_AFTER, and as much again for latency and different clocks.
 MAX_STAMP_AGE = 0.1
@@ -87,7 +88,7 @@ class HoldConfig:
 class ServoConfig:
     """Configuration of the supervisor, the same for every law."""
 
-    rate: float = bounded(400.0, 'control cycles per second', 'Hz', 10.0, 2000.0)
+    rate: float = bounded(400.0, 'control cycles per second', 'Hz', SLOWEST_RATE, 2000.0)
     speed: SpeedBounds = field(default_factory=SpeedBounds)
     force: ForceBounds = field(default_factory=ForceBounds)
     approach: ApproachConfig = field(default_factory=ApproachConfig)

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from tactile_servo.control import force_controller
-from tactile_servo.control.force_controller import ForceController
+from tactile_servo.control.force_controller import ForceController, stopping_speed
 from tactile_servo.laws.edge_motion import missing_depth
 from tactile_servo.laws.edge_sight import Load
 
@@ -56,7 +56,13 @@ def test_a_leg_that_comes_is_given_way_to_before():
     error = (wanted - 5.0 / (2 * HALF)) / SKIN
     assert error < 0.0
     assert speed(Load(5.0, 2 * HALF, coming)) == pytest.approx(GAIN * error)
-    assert speed(Load(5.0, 2 * HALF, coming), haste=5.0) == pytest.approx(5.0 * GAIN * error)
+
+
+@pytest.mark.parametrize('delay', [0.0, 0.0025, 0.04])
+def test_a_stop_takes_the_way_that_is_left(delay):
+    for way, deceleration in ((1e-5, 2.0), (4e-4, 2.0), (4e-4, 0.5)):
+        left = stopping_speed(way, deceleration, delay)
+        assert left * delay + left**2 / (2.0 * deceleration) == pytest.approx(way)
 
 
 def test_pressing_can_be_braked(monkeypatch):

@@ -1,16 +1,21 @@
 """Windows as a controller plays them that samples: smooth, whenever they come."""
 
+from dataclasses import replace
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
-from puma_loop import ELBOW, free_controller, LIMITS, PUMA, puma_loop, tracked
+from puma_loop import ELBOW, free_controller, LIMITS, PUMA, puma_loop, ROOT, tracked
 import pytest
 
 from tactile_servo.config import HoldConfig, ServoConfig
 from tactile_servo.motion.motion import Motion, SETTLING
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal
-from tactile_simulation.closed_loop import TRANSPORT
+from tactile_simulation import closed_loop
+from tactile_simulation.closed_loop import Simulation, TRANSPORT
+from tactile_simulation.edge_path import EdgePath
+from tactile_simulation.scene import load_scene
 
 CYCLE = 2_500_000  # ns
 BEGIN = 10**12  # ns
@@ -125,6 +130,28 @@ def test_a_corner_at_100_mm_s_is_taken_with_what_the_joints_can_accelerate():
     lateral, force = tracked(loop)
     assert loop.servo.success and np.abs(lateral).max() < 0.2e-3 and force.max() < 6.0
     assert np.abs(loop.accelerations()).max() <= 2.0 * LIMITS.acceleration.max()
+
+
+@pytest.mark.parametrize('rate, speed, missed, least, most', [
+    (100.0, 0.03, 0.0, 2.5, 6.5), (200.0, 0.03, 0.3, 2.5, 6.5), (50.0, 0.1, 0.3, 0.0, 8.0)])
+def test_a_servo_with_few_cycles_keeps_the_force_at_a_corner(
+        rate, speed, missed, least, most, monkeypatch):
+    """It lifted off before the corner (.6, 1.3 N), or a pause pressed on (17 N)."""
+    monkeypatch.setattr(closed_loop, 'STEP', 1.0 / rate)
+    monkeypatch.setattr(closed_loop, 'PICTURE_EVERY', max(1, round(rate / 200.0)))
+    tape = load_scene(ROOT / 'launch/scenes/tape_case.yaml')
+    scene = replace(tape, edge=EdgePath(np.array(
+        [[0.275, 0.0, 0.15], [0.275, -0.03, 0.15], [0.325, -0.03, 0.15], [0.325, -0.07, 0.15]])))
+    loop = Simulation(scene, 'trace', robot=(PUMA, LIMITS), seed_positions=ELBOW,
+                      config=ServoConfig(rate=rate))
+    cycle, draw = loop.servo.cycle, np.random.default_rng(0)
+    loop.servo.cycle = lambda *now: (
+        cycle(*now) if draw.random() >= missed else (loop.log[-1].status, None))
+    loop.run(EdgeGoal(speed, 5.0), 60.0)
+    assert loop.servo.success, loop.servo.reason
+    truth = loop.truth()
+    assert truth.force[truth.settled].min() >= least
+    assert max(at.force for at in loop.log) < most
 
 
 def test_a_wrist_that_comes_to_its_limit_lets_the_pad_go_round_without_it():

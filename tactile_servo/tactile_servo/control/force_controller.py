@@ -22,6 +22,11 @@ def touch_speed(force: float, stiffness: float, age: float) -> float:
     return unseen_way(force, stiffness) / (age + REACTION)
 
 
+def stopping_speed(way: float, deceleration: float, delay: float) -> float:
+    """Return the speed [m/s] at which a stop that begins after a delay [s] takes a way [m]."""
+    return deceleration * (math.sqrt(delay**2 + 2.0 * way / deceleration) - delay)
+
+
 class ForceController:
     """
     PI control of a depth [m], which determines the force.
@@ -38,19 +43,19 @@ class ForceController:
         """Reset the integral, at a standstill."""
         self._integral = 0.0
 
-    def speed(self, missing: float, felt: float | None, dt: float, *, haste: float = 1.0,
+    def speed(self, missing: float, felt: float | None, dt: float, *,
               may_press: bool = True) -> float:
         """
         Compute the speed along the normal towards the object [m/s] in a cycle of `dt` [s].
 
         `missing` is the predicted error: how much deeper the pad should be now [m]. `felt` is the
         same error from the newest image, which is integrated; None if it is too large for that.
-        `haste` is a factor of the gain. Unless it `may_press`, the pad may only move off.
+        Unless it `may_press`, the pad may only move off.
         """
         if felt is not None:
             self._integral += felt * dt
         remaining = self._integral_gain * self._integral
         # The pad stops in time even if the robot brakes no harder than BRAKING.
-        wanted = min(haste * self.gain * missing + remaining,
+        wanted = min(self.gain * missing + remaining,
                      math.sqrt(2.0 * BRAKING * max(missing, 0.0)) + abs(remaining))
         return clipped(wanted, -self._lift, self._press if may_press else 0.0)

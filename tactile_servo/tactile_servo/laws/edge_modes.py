@@ -30,7 +30,7 @@ class Following:
 
     def move(self, motion: EdgeMotion, place: PathPosition, robot: Motion, dt: float) -> Wanted:
         """Return the motion of the next cycle."""
-        return (motion.along(place, robot, dt), motion.press(place, dt),
+        return (motion.along(place, robot, dt), motion.press(place, robot, dt),
                 motion.turn(place, robot, dt))
 
 
@@ -66,7 +66,7 @@ class Coasting(Travelling):
         """Return the motion of the next cycle."""
         self.count(place)
         velocity = motion.along(place, robot, dt, may_lift=True)
-        return velocity, motion.press(place, dt, may_press=False), STILL
+        return velocity, motion.press(place, robot, dt, may_press=False), STILL
 
 
 class Searching(Travelling):

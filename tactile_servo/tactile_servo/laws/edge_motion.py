@@ -9,6 +9,7 @@ from tactile_servo.control.force_controller import (
     BRAKING,
     ForceController,
     INTEGRATED,
+    stopping_speed,
     touch_speed,
 )
 from tactile_servo.control.scaling import caution, clipped
@@ -37,7 +38,6 @@ AVERAGED, SLOW = 0.3, 1e-3
 # Force
 SHORTEST = 0.5  # least edge length that carries the force, as a share of the pad's half size
 COMING_SHARE = 0.35  # share of the coming edge's length for which the pad unloads in advance
-HASTE = 5.0  # factor of the force gain while the pad unloads for a coming edge
 INTEGRAL = 60.0  # integral gain of the force control [1/s^2]
 # Turn along the edge: gain [1/s], largest rate [rad/s] and acceleration [rad/s^2]
 TURN_GAIN, TURN_RATE, TURN_ACCELERATION = 5.0, 1.5, 5.0
@@ -160,7 +160,8 @@ class EdgeMotion:
         length = max(self.sight.load.length, SHORTEST * min(edge.scale.half_x, edge.scale.half_y))
         return force / (edge.skin_stiffness * length)
 
-    def press(self, place: PathPosition, dt: float, *, may_press: bool = True) -> float:
+    def press(self, place: PathPosition, robot: Motion, dt: float, *,
+              may_press: bool = True) -> float:
         """Return the velocity along the normal that keeps the force [m/s]."""
         sight, goal = self.sight, self.goal
         load, scale, depth = sight.load, sight.edge.scale, place.there.item(2, 3)
@@ -171,10 +172,11 @@ class EdgeMotion:
         off = goal.force - load.force
         give = self._force.speed(
             missing, off / self._stiffness if abs(off) < INTEGRATED * goal.force else None, dt,
-            # Unloading for a coming leg must be quick; the motion since the image is known.
-            haste=HASTE if load.coming > 0.0 and missing < 0.0 else 1.0,
             # Do not press on contacts that are not the edge.
             may_press=may_press and sight.problem is None)
+        if load.coming > 0.0 and missing < 0.0:
+            # Unloading for a coming leg must be quick; the motion since the image is known.
+            give = min(give, -stopping_speed(-missing, AGILE * robot.lifting(), dt))
         return clipped(give + sight.slope * self.speed, -NORMAL, NORMAL)
 
     def turn(self, place: PathPosition, robot: Motion, dt: float) -> np.ndarray:
