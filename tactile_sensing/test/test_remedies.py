@@ -179,12 +179,13 @@ def test_a_threshold_within_the_noise_is_no_drift(presses, level):
 @pytest.mark.parametrize('share', [0.05, 0.1])
 @pytest.mark.parametrize('depth', [DEPTH, 0.0])
 @pytest.mark.parametrize('subtracted', [True, False])
-def test_a_threshold_that_is_not_declared_is_seen(presses, share, depth, subtracted):
+@pytest.mark.parametrize('floor', [0.0, -0.5])  # unknown; half a count below zero
+def test_a_threshold_that_is_not_declared_is_seen(presses, share, depth, subtracted, floor):
     """A sensor subtracts it, or suppresses what is below it, as those of Tekscan and Novel do."""
     loads, frames, clean, noise = presses
     threshold = share * clean.max(axis=(1, 2), keepdims=True)
     kept = np.where(frames < threshold, 0.0, frames - threshold * subtracted)
-    records = found(kept, noise, depth=depth)
+    records = found(kept, noise, depth=depth, floor=floor)
     assert records['valid'].mean() > 0.98
     off = (records['x'] - loads[:, 0])[records['valid']]
     claimed = np.sqrt(records['covariance'][records['valid'], 0, 0])

@@ -100,8 +100,8 @@ def _examine(frame: np.ndarray, known: KnownSensor, saturated: int, noise: np.nd
         why = FEW_TACTELS
     elif top < DETECTION * noise[main] and moments[0] < DETECTION * noise[main] * math.sqrt(live):
         why = BAD_FIT if clipped > 0 else NO_CONTACT
-    elif floor[main] == -np.inf and (frame[main] == np.nanmin(frame[main])).sum() > 1:
-        floor[main] = hidden_floor(frame[main], noise[main])
+    elif (frame[main] == np.nanmin(frame[main])).sum() > 1:
+        floor[main] = max(floor[main], hidden_floor(frame[main], noise[main]))
     record.reasons = why | SATURATED * (clipped > 0) | DEAD_TACTELS * (missing > saturated)
     return 0.0 if why else top
 
