@@ -10,13 +10,14 @@ from unittest.mock import patch
 import numpy as np
 import yaml
 
+from tactile_servo.config import ServoConfig
 from tactile_servo.control import stability
 from tactile_servo.control.stability import gain_limit
 from tactile_servo.laws.edge_config import EdgeFollowingConfig, PathConfig
 from tactile_servo.laws.resolved_rate import PositionConfig, ResolvedRateConfig
 from tactile_servo.motion.motion import COMMITTED
 from tactile_servo.types import EdgeGoal, State
-from tactile_simulation.closed_loop import PICTURE_EVERY, Simulation, STEP
+from tactile_simulation.closed_loop import PICTURE_RATE, Simulation
 from tactile_simulation.scene import load_scene
 
 SCENES = Path(__file__).resolve().parents[2] / 'launch' / 'scenes'
@@ -90,7 +91,7 @@ def theoretical_gain(latency, dead_time, lag):
     Its delay includes the latency of the image, the dead time, half of each period and the
     committed part of the servo's windows.
     """
-    return gain_limit(latency + dead_time + 0.5 * STEP * (1 + PICTURE_EVERY)
+    return gain_limit(latency + dead_time + 0.5 / ServoConfig().rate + 0.5 / PICTURE_RATE
                       + COMMITTED, lag)
 
 

@@ -16,7 +16,7 @@ from tactile_servo.laws.surface_config import (
 )
 from tactile_servo.laws.surface_following import RATE_SHARE
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
-from tactile_simulation.closed_loop import PICTURE_EVERY, Simulation, STEP
+from tactile_simulation.closed_loop import PICTURE_RATE, Simulation
 from tactile_simulation.gantry import gantry
 from tactile_simulation.scene import load_scene
 from tactile_simulation.surface_objects import PlacedObject, StepShape
@@ -120,7 +120,7 @@ def gains() -> Iterator[Case]:
     for latency in LATENCIES:
         # Half of each period is the mean wait for an image and for a cycle.
         plant = load_scene(scene_file('plane')).plant
-        delay = latency + plant.dead_time + 0.5 * STEP * (1 + PICTURE_EVERY)
+        delay = latency + plant.dead_time + 0.5 / ServoConfig().rate + 0.5 / PICTURE_RATE
         limit = gain_limit(delay, plant.lag)
         for share in GAINS:
             gain = share * limit

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from tactile_common.config import bounded, checked, documented
 
 SLOWEST = 1e-4  # m/s
+SLOWEST_RATE = 25.0  # Hz; with less, every cycle would count as a stall, see `clocks.STALL`
 # Time without an image or joint state, or without seeing what is tracked, after which the servo
 # holds [s]: ten images at 200 Hz; the fastest pad moves 10 mm meanwhile.
 STALE_AFTER = 0.05
-SLOWEST_RATE = 25.0  # Hz; with less, a cycle alone counts as a stall, see `clocks.STALL`
 IMAGES, LONGEST_PATIENCE = 2.5, 0.25  # see `image_patience`: images, s
 # Largest age of a stamp [s]: STALE_AFTER, and as much again for latency and different clocks.
 MAX_STAMP_AGE = 0.1

@@ -31,8 +31,7 @@ from tactile_simulation.joint_controller import Late, MockController
 from tactile_simulation.metrics import accelerations, judged, measure, NAN, percentile
 from tactile_simulation.world import calibration_of, Course, Scene
 
-STEP = 2.5e-3  # s; control at 400 Hz
-PICTURE_EVERY = 2  # steps; sensing at 200 Hz
+PICTURE_RATE = 200.0  # Hz; rounded so that a whole number of control cycles lies between two
 ROBOT_STEP, ROBOT_PHASE = 2.0e-3, 0.25e-3  # s; joint states and the robot's controller at 500 Hz
 TRANSPORT = 0.5e-3  # s; from a control cycle to the robot's controller, without faults
 TARE_FRAMES = 100
@@ -83,6 +82,8 @@ class Simulation:
     world : World
     now : float
         Time; begins at 1 [s].
+    control_rate, sensor_rate : float
+        Control cycles, `rate` of `config`, and images per second [Hz].
     pose : ndarray, shape (4, 4)
         Pose of the sensor.
     transport : float
@@ -94,8 +95,6 @@ class Simulation:
         Computation time of every control cycle and image [s], if there is a clock.
     """
 
-    control_rate = 1.0 / STEP  # Hz
-    sensor_rate = 1.0 / (STEP * PICTURE_EVERY)
     supervisor: Any = Supervisor
 
     def __init__(self, scene: Scene, law: str | None = None, *, seed: int = 0,
@@ -116,6 +115,9 @@ class Simulation:
         start = self.model.inverse(scene.start_pose(), seed_positions)
         self.robot = MockController(self.model, start, plant, rate=1.0 / ROBOT_STEP)
         config = config or ServoConfig()
+        self._period = 1.0 / config.rate  # s
+        self._every = max(1, round(config.rate / PICTURE_RATE))  # cycles between two images
+        self.control_rate, self.sensor_rate = config.rate, config.rate / self._every
         self.servo = self.supervisor(
             self.model, self.limits, make_law(law_for(scene.action, law), config, settings),
             config, workspace)
@@ -152,14 +154,14 @@ class Simulation:
                             saturated=saturated)
 
     def step(self) -> Status:
-        """Advance by STEP and return the status of the control cycle."""
+        """Advance to the next control cycle and return its status."""
         self.tick += 1
-        self.now = 1.0 + self.tick * STEP
+        self.now = 1.0 + self.tick * self._period
         now_ns = round(self.now * 1e9)
         self._run_robot()
         self.pose = pose = self.model.pose(self.robot.measured(self.now)[0])
         self._feel(self._path.add_pose(now_ns, pose))
-        if self.tick % PICTURE_EVERY == 0 and self.sensor_alive:
+        if self.tick % self._every == 0 and self.sensor_alive:
             image = self.picture(pose)
             self._on_the_way.append((self.now + self.latency, image, self.estimate(image)))
         while self._on_the_way and self._on_the_way[0][0] <= self.now + 1e-9:

@@ -164,7 +164,7 @@ def test_a_contact_that_is_lost_is_no_end_of_the_edge():
 
 @pytest.mark.parametrize('law', ['trace', 'resolved_rate'])
 def test_a_slow_sensor_is_given_the_time_of_its_images(law, monkeypatch):
-    monkeypatch.setattr(closed_loop, 'PICTURE_EVERY', 26)  # 15 Hz
+    monkeypatch.setattr(closed_loop, 'PICTURE_RATE', 15.0)
     loop = Simulation(load_scene(ROOT / 'launch/scenes/straight.yaml'), law)
     loop.servo.see_sensor(replace(loop.servo.inputs.sensor, nominal_rate=15.0))
     loop.run(EdgeGoal(0.01, 5.0, length=0.02), 30.0)

@@ -12,7 +12,6 @@ from tactile_servo.config import HoldConfig, ServoConfig
 from tactile_servo.motion.motion import Motion, SETTLING
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal
-from tactile_simulation import closed_loop
 from tactile_simulation.closed_loop import Simulation, TRANSPORT
 from tactile_simulation.edge_path import EdgePath
 from tactile_simulation.scene import load_scene
@@ -135,10 +134,8 @@ def test_a_corner_at_100_mm_s_is_taken_with_what_the_joints_can_accelerate():
 @pytest.mark.parametrize('rate, speed, missed, least, most', [
     (100.0, 0.03, 0.0, 2.5, 6.5), (200.0, 0.03, 0.3, 2.5, 6.5), (50.0, 0.1, 0.3, 0.0, 8.0)])
 def test_a_servo_with_few_cycles_keeps_the_force_at_a_corner(
-        rate, speed, missed, least, most, monkeypatch):
+        rate, speed, missed, least, most):
     """It lifted off before the corner (.6, 1.3 N), or a pause pressed on (17 N)."""
-    monkeypatch.setattr(closed_loop, 'STEP', 1.0 / rate)
-    monkeypatch.setattr(closed_loop, 'PICTURE_EVERY', max(1, round(rate / 200.0)))
     tape = load_scene(ROOT / 'launch/scenes/tape_case.yaml')
     scene = replace(tape, edge=EdgePath(np.array(
         [[0.275, 0.0, 0.15], [0.275, -0.03, 0.15], [0.325, -0.03, 0.15], [0.325, -0.07, 0.15]])))
@@ -150,6 +147,7 @@ def test_a_servo_with_few_cycles_keeps_the_force_at_a_corner(
     loop.run(EdgeGoal(speed, 5.0), 60.0)
     assert loop.servo.success, loop.servo.reason
     truth = loop.truth()
+    np.testing.assert_allclose(np.diff(truth.time), 1.0 / rate)
     assert truth.force[truth.settled].min() >= least
     assert max(at.force for at in loop.log) < most
 

@@ -75,8 +75,8 @@ def _examine(frame: np.ndarray, known: KnownSensor, saturated: int, noise: np.nd
     """
     Write the fields that need no fit; return the highest reading, or 0 without a load to fit.
 
-    Unknown values of `noise`, `full` and `floor` (layers,) are replaced by those that the image
-    shows; the noise is at least that of rounding.
+    Unknown values of `noise` and `full` (layers,) are replaced by those that the image shows. The
+    noise is at least that of rounding, and `floor` (layers,) at least the one in the image.
     """
     main, pad, clipped, missing = known.main, known.pad, saturated, 0
     for k in range(noise.size):

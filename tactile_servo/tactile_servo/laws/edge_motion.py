@@ -26,7 +26,7 @@ BLIND = 0.05  # largest at the end of the visible path
 ENTRY = 0.03  # at which the second leg of a corner may reach the pad: its load comes suddenly
 NORMAL = 0.05  # largest along the normal
 RETURN_SPEED = 0.1  # largest back to the path
-# Share of the acceleration in the plane that is planned; the rest is for corrections
+# Share of the robot's acceleration that is planned; the rest is for corrections
 AGILE = 0.8
 CORNER_SETTLE = 3e-4  # m before and after a sharp corner that are passed at its speed, for the lag
 # Grains
