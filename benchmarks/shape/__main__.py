@@ -8,10 +8,11 @@ docs/results_shape.md. Times are processor time on one core.
 import numpy as np
 
 from benchmarks.harness import run
-from benchmarks.shape import cases, methods, thesis
+from benchmarks.shape import cases, claims, methods, thesis
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.thesis.matrix_estimator import fit_matrix, MatrixEstimator
 from tactile_shape.types.patch import Kind
+from tactile_simulation.scene import load_scene
 
 SPEEDS = (1e-5, 5e-5, 2e-4, 1e-3, 5e-3, 2e-2, 5e-2)  # m/s, Table 4.1
 ACROSS = (1e-3, 1e-2, 5e-2)
@@ -181,6 +182,28 @@ def refusals(trials, rng, progress):
     return rows
 
 
+def certainty(trials, rng, progress):
+    """Return the RMS of error over claim, and the kinds, with errors that are alike."""
+    rows = []
+
+    def add(errors, name, kind, found):
+        kinds = [patch.kind for patch in found.found if patch.valid]
+        rows.append({'errors': errors, 'case': name, 'patches': len(kinds),
+                     'score': float(np.sqrt(np.mean(found.scores**2))),
+                     'largest': float(np.abs(found.scores).max()),
+                     'right': float(np.mean([one == kind for one in kinds]))})
+
+    for alike in claims.ALIKE:
+        for case in SWEPT:
+            progress.step(f'claims, errors alike over {alike:g} contacts, {case.name}')
+            add(f'alike over {alike:g} contacts' if alike else 'independent', case.name, case.kind,
+                claims.with_noise(case, alike, trials, rng))
+    for scene, kind in claims.SCENES.items():
+        progress.step(f'claims, closed loop, {scene}')
+        add('closed loop', scene, kind, claims.in_the_loop(load_scene(f'surfaces/{scene}')))
+    return rows
+
+
 def measure(arguments, progress):
     """Return all data of the tables and pictures as one dictionary."""
     rng = np.random.default_rng(arguments.seed)
@@ -193,9 +216,10 @@ def measure(arguments, progress):
         'error_and_time': error_and_time(int(300 * part), rng, progress),
         'sweeps': sweeps(int(150 * part), rng, progress),
         'rank': rank_map(progress),
-        'refusals': refusals(int(60 * part), rng, progress)}
+        'refusals': refusals(int(60 * part), rng, progress),
+        'certainty': certainty(int(200 * part), rng, progress)}
 
 
 if __name__ == '__main__':
-    run('shape', __doc__, measure, lambda _: 12 + 6 + 2 + 6 + 4 + 1 + 4, {
+    run('shape', __doc__, measure, lambda _: 12 + 6 + 2 + 6 + 4 + 1 + 4 + 16, {
         '--seed': {'type': int, 'default': 4, 'help': 'of every random number (%(default)s)'}})

@@ -127,13 +127,14 @@ def _time(result):
                           lw=1)
                 axis.plot(x, 1e3 * row['median'], marks[method], color=shade, ms=5)
         if refused:
-            axis.text(0.98, 0.02, 'refused or not all seen\n' + '\n'.join(refused), ha='right',
-                      va='bottom', fontsize=7.5, color=THESIS, transform=axis.transAxes)
+            axis.text(0.98, 0.98, 'refused or not all seen\n' + '\n'.join(refused), ha='right',
+                      va='top', fontsize=7.5, color=THESIS, transform=axis.transAxes)
         bar = next(row for row in result['bars'] if row['case'] == name)
         axis.axhline(1e3 * bar['bar_most'], color='black', lw=0.7, ls=':')
         axis.axhline(1e3 * bar['bar_median'], color='black', lw=0.7, ls='--')
-        axis.set(xscale='log', yscale='log', title=name, xlim=(40, 600), ylim=(1e-3, 3))
-        axis.set_xticks([50, 100, 200, 500], ['50', '100', '200', '500'])
+        axis.set(xscale='log', yscale='log', title=name, ylim=(1e-3, 3))
+        axis.set_xticks([100, 200, 500, 1000], ['100', '200', '500', '1000'])
+        axis.set_xticks([], minor=True)
         axis.grid(alpha=0.25)
     for method in order:
         shade = OURS if 'quadric' in method else OTHERS if 'parabol' in method else THESIS

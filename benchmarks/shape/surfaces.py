@@ -2,6 +2,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
 from tactile_common.polyline import arc_length
 from tactile_simulation.surface_objects import Torus as SolidTorus
@@ -111,7 +112,7 @@ class Weave:
 def add_noise(
         points: np.ndarray, normals: np.ndarray, rng: np.random.Generator, *,
         position: float = 2e-5, normal: float = 5e-4, location: float = 1.5e-4,
-        finger_radius: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        finger_radius: float = 0.0, alike: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """
     Return contacts as reported by a robot with a tactile pad.
 
@@ -125,18 +126,28 @@ def add_noise(
     finger_radius : float
         A round finger derives its normal from the location, so their errors are coupled. 0 = flat
         [m].
+    alike : float
+        Contacts after which the correlation of errors has fallen to 1/e; 0: independent.
 
     Returns
     -------
     points, normals : ndarray, shape (N, 3)
     """
-    def tangential(std: float) -> np.ndarray:
+    def draw(std: float) -> np.ndarray:
         noise = rng.normal(0.0, std, points.shape)
+        if alike:
+            kept = np.exp(-1.0 / alike)
+            noise[1:] *= np.sqrt(1.0 - kept**2)
+            noise = lfilter([1.0], [1.0, -kept], noise, axis=0)
+        return noise
+
+    def tangential(std: float) -> np.ndarray:
+        noise = draw(std)
         return noise - (noise * normals).sum(axis=1, keepdims=True) * normals
 
     slip = tangential(location)
     tilt = tangential(normal)
-    robot = rng.normal(0.0, position, points.shape)
+    robot = draw(position)
     if finger_radius:
         centre = points - finger_radius * normals
         turned = normals + tilt + slip / finger_radius

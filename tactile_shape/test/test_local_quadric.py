@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.shape.cases import rectangle
+from benchmarks.shape.cases import (
+    CYLINDER_CASE,
+    PLANE_CASE,
+    rectangle,
+    SPHERE_CASE,
+    TORUS_CASE,
+)
+from benchmarks.shape.claims import with_noise
 from benchmarks.shape.surfaces import add_noise, cylinder, PLANE, sphere, Torus, Weave
 from tactile_common.errors import ConfigurationError
 from tactile_shape.local_surface.local_quadric import (
@@ -109,6 +116,20 @@ def test_covariance_is_that_of_the_curvature(surface, inside):
         scores.append(off / np.sqrt(patch.covariance[0, 0] - unknown**2))
     rms = np.sqrt(np.mean(np.square(scores)))
     assert 0.5 < rms < 1.4 if inside else 0.75 < rms < 1.25
+
+
+@pytest.mark.parametrize('alike', [4.0, 20.0])
+@pytest.mark.parametrize('case', [CYLINDER_CASE, SPHERE_CASE, TORUS_CASE], ids=lambda c: c.name)
+def test_errors_that_are_alike_are_no_surface(case, alike):
+    """Errors of a filter or of the array's pitch last over many contacts."""
+    scores, found = with_noise(case, alike, 60, np.random.default_rng(9))
+    assert np.sqrt(np.mean(scores**2)) < 1.1
+    assert np.mean([patch.kind == case.kind for patch in found]) > 0.8
+
+
+def test_a_plane_stays_one_with_errors_that_are_alike():
+    _, found = with_noise(PLANE_CASE, 4.0, 60, np.random.default_rng(9))
+    assert np.mean([patch.kind == Kind.PLANE for patch in found]) > 0.85
 
 
 def test_without_a_path_the_frame_does_not_turn_by_rounding_errors():

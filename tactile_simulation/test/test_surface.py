@@ -4,9 +4,10 @@ import json
 from pathlib import Path
 
 import numpy as np
-from puma_loop import COARSE, summary_of
+from puma_loop import COARSE, coarse_scene, summary_of
 import pytest
 
+from benchmarks.shape.claims import in_the_loop
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_servo.config import ForceBounds, ServoConfig
@@ -21,6 +22,7 @@ from tactile_servo.tactile_jacobian.features import ModelFeatures
 from tactile_servo.tactile_jacobian.jacobian import Increments
 from tactile_servo.tactile_jacobian.table import build_table, grid
 from tactile_servo.types import State
+from tactile_shape.types.patch import Kind
 from tactile_simulation.cli.simulate import main
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.scene import load_scene
@@ -68,6 +70,14 @@ def test_a_coarse_array_with_a_tactel_in_the_middle_follows(shape, count, pitch)
     _, summary = follow(scene, line())
     assert summary['ok'], summary['reason']
     assert summary['surface_max'] < 0.5e-3 and summary['force_max'] < 6.0
+
+
+def test_patches_of_a_raster_are_as_certain_as_they_claim():
+    """The filtered normals of a servo have errors that last over some millimetres."""
+    scores, found = in_the_loop(coarse_scene('cylinder_120'))
+    kinds = [patch.kind for patch in found if patch.valid]
+    assert len(kinds) > 40 and np.mean([kind == Kind.CYLINDER for kind in kinds]) > 0.85
+    assert np.sqrt(np.mean(scores**2)) < 1.2
 
 
 @pytest.mark.parametrize('seed', range(2))

@@ -23,7 +23,9 @@ CLEAR = 9.0
 # Departure of a general surface from a second-order one, as a share of its third-order term; gives
 # distant contacts less weight.
 MODEL_ERROR = 0.1
-_HEIGHTS_SPENT = 2.0  # approximate number of the six parameters that heights alone determine
+# Approximate number of the six parameters that heights alone determine, or one component of the
+# normals
+_SPENT = 2.0
 # Values of chi-square that 1 % of samples exceed, for 1, 2 and 3 degrees of freedom.
 LEVELS = (0.0, 6.635, 9.210, 11.345)
 _ALIKE = np.array([1.0, 0.0, 1.0])  # (K11, K12, K22) of a sphere
@@ -108,11 +110,11 @@ class Fitter:
         s12 = slide * k12 * (k11 + k22)
         weights = self._weights / (s11 * s22 - s12 * s12)
         of_height, first, second = self._rows
-        weighted = np.stack([
+        self._weighted = np.stack([
             (self._weights / height)[:, None] * of_height,
             (weights * s22)[:, None] * first - (weights * s12)[:, None] * second,
             (weights * s11)[:, None] * second - (weights * s12)[:, None] * first])
-        return self._rows.reshape(-1, 7).T @ weighted.reshape(-1, 7)
+        return self._rows.reshape(-1, 7).T @ self._weighted.reshape(-1, 7)
 
     @property
     def curvature(self) -> np.ndarray:
@@ -130,15 +132,34 @@ class Fitter:
 
     def excess(self) -> tuple[float, float]:
         """
-        Return chi-square per degree of freedom and its RMS.
+        Return by how much the squared residuals exceed their expectation, and their RMS.
 
-        The first value is at least 1: unexplained residuals count as noise.
+        The first value is at least 1 and that of the normals: unexplained residuals are noise.
         """
         freedom = 3 * len(self._points) - 3 - self._count
         if freedom < 1:
             return 1.0, math.nan
         left = max(float(self._of_plane - self.right @ self.curvature), 0.0) / freedom
-        return max(1.0, left), math.sqrt(left)
+        return max(1.0, left, self._excess_of_normals()), math.sqrt(left)
+
+    def _excess_of_normals(self) -> float:
+        """
+        Return the excess of the normals' squared errors in the worse of the principal directions.
+
+        Successive contacts may have similar errors, for instance those of a filter. With the
+        correlation r of successive errors only the share (1 - r) / (1 + r) of them counts.
+        """
+        if len(self._points) < ENOUGH:
+            return 1.0
+        curvature = self.curvature
+        unknowns = np.array([*-self.flat(curvature), *-curvature, 1.0])
+        # In these directions the two components of an error are independent.
+        turn = turn_about_z(principal_curvatures(*curvature.tolist())[2])[:2, :2].T
+        errors, weighted = turn @ (self._rows[1:] @ unknowns), turn @ (
+            self._weighted[1:] @ unknowns)
+        squares = (errors * weighted).sum(axis=1) + 1e-300
+        r = (errors[:, 1:] * weighted[:, :-1]).sum(axis=1) / squares
+        return float((squares * (1.0 + r) / (1.0 - r)).max()) / (len(self._points) - _SPENT)
 
     def _solve(self, curvature: np.ndarray, doubt: np.ndarray, model_error: float = 0.0) -> None:
         self._doubt = doubt
@@ -157,7 +178,7 @@ class Fitter:
         if len(weights) < ENOUGH:
             return known
         residual = heights[:, 6] - heights[:, :6] @ [*self.flat(curvature), *curvature]
-        return max(known, math.sqrt(weights @ residual**2 / (len(weights) - _HEIGHTS_SPENT)))
+        return max(known, math.sqrt(weights @ residual**2 / (len(weights) - _SPENT)))
 
 
 def fit_curvature(points: np.ndarray, normals: np.ndarray, weights: np.ndarray,
