@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from benchmarks.calibration.__main__ import ball, Converter, estimated, pad, scaled
+from benchmarks.calibration.__main__ import (
+    ball,
+    Converter,
+    estimated,
+    pad,
+    pressed_pad,
+    scaled,
+)
 from benchmarks.contact.fe_frames import Object, profiles, RADII, solve
 from benchmarks.contact.real_skin import (
     ARRAYS,
@@ -36,6 +43,15 @@ def judged():
             rows.append((profile, judge(profile, places, found),
                          np.mean(~found['valid'] | (found['patch'] > 0.0))))
     return rows
+
+
+@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('backing', [4e-3, np.inf])
+def test_few_tactels_under_a_press_are_no_reason_for_doubt(backing, seed):
+    """Each press has about a dozen loaded tactels, and five unknowns of its own."""
+    made = pressed_pad(ball(backing), TactelArray(8, 8, 3.2e-3, 3.2e-3), Converter(),
+                       np.random.default_rng(seed), least=0.6)
+    assert made.doubts == [] and made.skin.scatter < 0.02
 
 
 def mean(judged, name, kinds):

@@ -74,10 +74,10 @@ def ball(backing, poisson=0.45, radius=1e-3):
     return found
 
 
-def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=1.0, held=1,
-        poisson=None):
+def pressed_pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=1.0,
+                held=1, poisson=None):
     """
-    Return the calibration from presses of a ball.
+    Calibrate a pad by presses of a ball; return the Procedure.
 
     Each press has a random force, from `least` times the profile's force to all of it, and lasts
     `held` frames.
@@ -96,7 +96,12 @@ def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=
         recordings['flat'] = pressed(flat, WIDE)[0]
     return calibrate(recordings, Known(
         (array.pitch_x, array.pitch_y), bits=converter.bits, signed=converter.signed,
-        poisson=poisson, force=force, ball_radius=float(profile['radius']))).calibration
+        poisson=poisson, force=force, ball_radius=float(profile['radius'])))
+
+
+def pad(*arguments, **options):
+    """Return the calibration of `pressed_pad`."""
+    return pressed_pad(*arguments, **options).calibration
 
 
 def estimated(calibration, counts, **config):

@@ -210,6 +210,17 @@ class Likelihood:
         slope[range(count), -1, KIND + self.source] = -at.rest[:, -1] - 1.0
         return slope
 
+    def jacobian(self, at: Residuals, unknowns: Unknowns) -> sparse.csr_matrix:
+        """Return the derivatives of the models by all unknowns, in the order of `system`."""
+        (count, tactels), common = at.model.shape, KIND + len(unknowns.level)
+        slope = self.slopes(at, unknowns)
+        # The readings of a tactel have the derivatives `model` by its gain and 1 by its offset.
+        by_offset = sparse.kron(np.ones((count, 1)), sparse.eye(tactels + 3, tactels), 'csr')
+        by_gain = by_offset.multiply(np.pad(at.model, ((0, 0), (0, 3))).reshape(-1, 1))
+        return sparse.hstack([
+            slope[..., :common].reshape(-1, common), sparse.block_diag(slope[..., common:]),
+            by_gain, by_offset], 'csr')
+
     def system(self, unknowns: Unknowns) -> tuple[np.ndarray, np.ndarray, Unknowns]:
         """
         Return matrix and right side of the normal equations, and the unknowns with fitted forces.
@@ -218,13 +229,7 @@ class Likelihood:
         """
         at, unknowns = self.residuals(unknowns)
         (count, tactels), common = at.model.shape, KIND + len(unknowns.level)
-        slope = self.slopes(at, unknowns)
-        # The readings of a tactel have the derivatives `model` by its gain and 1 by its offset.
-        by_offset = sparse.kron(np.ones((count, 1)), sparse.eye(tactels + 3, tactels), 'csr')
-        by_gain = by_offset.multiply(np.pad(at.model, ((0, 0), (0, 3))).reshape(-1, 1))
-        jacobian = sparse.hstack([
-            slope[..., :common].reshape(-1, common), sparse.block_diag(slope[..., common:]),
-            by_gain, by_offset], 'csr')
+        jacobian = self.jacobian(at, unknowns)
         weight = at.weight.ravel()
         matrix = (jacobian.T @ jacobian.multiply(weight[:, None])).toarray()
         prior = np.concatenate([self.known, np.full(common - KIND, 1e-9), np.zeros(OWN * count),
@@ -289,11 +294,9 @@ class Likelihood:
         determined = max(tactels - (variance / self.spread**2).sum(), 1.0)
         self.spread = min(max(math.sqrt((unknowns.gain**2).sum() / determined), LEAST_SPREAD), 0.5)
         strong = (model > 0.03 * model.max(axis=1, keepdims=True)) & np.isfinite(self.values)
-        tails = (at.weight[:, :tactels] * at.variance)[strong]
-        # Degrees of freedom: gains and presses each use up one reading per number.
-        free = max(1.0 - (determined + OWN * len(model)) / strong.sum(), 0.2)
-        excess = np.mean(tails * at.rest[:, :tactels][strong]**2 / free
-                         - self.noise[strong]**2) / np.mean(model[strong]**2)
+        free = self._left_free(at, unknowns, strong, covariance)
+        rest = (at.weight[:, :tactels] * at.variance)[strong] * at.rest[:, :tactels][strong]**2
+        excess = (rest - free * self.noise[strong]**2).sum() / (free * model[strong]**2).sum()
         self.scatter = max(excess, LEAST_SCATTER**2)**0.5
         # Consecutive frames at one place belong to one press.
         moved = np.hypot(*np.diff(unknowns.places, axis=0).T) > SAME_PLACE * self.pitch
@@ -307,6 +310,19 @@ class Likelihood:
         level = [np.median((expected / self.presses.force)[self.source == k])
                  for k in range(len(unknowns.level))]
         return replace(unknowns, level=np.array(level))
+
+    def _left_free(self, at: Residuals, unknowns: Unknowns, readings: np.ndarray,
+                   covariance: np.ndarray) -> np.ndarray:
+        """Return the share of each reading's variance that the fit leaves: 1 - its leverage."""
+        jacobian, free = self.jacobian(at, unknowns), np.ones(readings.shape)
+        for k, seen in enumerate(readings):
+            first = k * (len(seen) + 3)  # its priors follow the readings of a press
+            rows = jacobian[first:first + len(seen)][seen]
+            own = np.unique(rows.indices)
+            slope = rows[:, own].toarray()
+            free[k, seen] -= at.weight[k, :len(seen)][seen] * (
+                slope @ covariance[np.ix_(own, own)] * slope).sum(axis=1)
+        return np.maximum(free[readings], 0.0)
 
     def dead(self, unknowns: Unknowns) -> np.ndarray:
         """Return which tactels (bool) do not follow the modelled load."""
