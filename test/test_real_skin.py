@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.calibration.__main__ import (
-    ball,
-    Converter,
-    estimated,
-    pad,
-    pressed_pad,
-    scaled,
-)
+from benchmarks.calibration.__main__ import ball, Converter, estimated, pad, scaled
 from benchmarks.contact.fe_frames import Object, profiles, RADII, solve
 from benchmarks.contact.real_skin import (
     ARRAYS,
@@ -49,8 +42,8 @@ def judged():
 @pytest.mark.parametrize('backing', [4e-3, np.inf])
 def test_few_tactels_under_a_press_are_no_reason_for_doubt(backing, seed):
     """Each press has about a dozen loaded tactels, and five unknowns of its own."""
-    made = pressed_pad(ball(backing), TactelArray(8, 8, 3.2e-3, 3.2e-3), Converter(),
-                       np.random.default_rng(seed), least=0.6)
+    made = pad(ball(backing), TactelArray(8, 8, 3.2e-3, 3.2e-3), Converter(),
+               np.random.default_rng(seed), least=0.6)
     assert made.doubts == [] and made.skin.scatter < 0.02
 
 
@@ -105,7 +98,7 @@ def test_claims_hold_with_skins_that_were_calibrated():
     """What gain and skin are off by is common to all edges: several calibrations, each its own."""
     rng, array, squares = np.random.default_rng(6), ARRAYS['16x16'], []
     for skin in ((np.inf, 0.45), (8e-3, 0.49), (4e-3, 0.3)):
-        found = pad(ball(*skin), array, Converter(), rng)
+        found = pad(ball(*skin), array, Converter(), rng).calibration
         for profile in profiles():
             if profile['kind'] == 'wedge' and (profile['backing'], profile['poisson']) == skin:
                 places = drawn(profile, FRAMES, rng)
@@ -166,7 +159,7 @@ def test_claims_allow_for_a_poisson_ratio_that_is_assumed():
     """Thin skins of .3, assumed to be .45; and claims are narrow where it is told."""
     assumed, told = (
         pad(ball(2e-3, 0.3), ARRAYS['16x16'], Converter(), np.random.default_rng(2),
-            poisson=poisson) for poisson in (None, 0.3))
+            poisson=poisson).calibration for poisson in (None, 0.3))
     for it in (assumed, told):
         assert abs(it.depth - DEPTH) < 1.3 * it.found['skin']['depth_std']
     assert told.found['skin']['depth_std'] < 2.0 * assumed.found['skin']['depth_std']

@@ -74,10 +74,10 @@ def ball(backing, poisson=0.45, radius=1e-3):
     return found
 
 
-def pressed_pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=1.0,
-                held=1, poisson=None):
+def pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0, least=1.0, held=1,
+        poisson=None):
     """
-    Calibrate a pad by presses of a ball; return the Procedure.
+    Return the Procedure of a calibration from presses of a ball.
 
     Each press has a random force, from `least` times the profile's force to all of it, and lasts
     `held` frames.
@@ -97,11 +97,6 @@ def pressed_pad(profile, array, converter, rng, *, gains=1.0, presses=20, flat=0
     return calibrate(recordings, Known(
         (array.pitch_x, array.pitch_y), bits=converter.bits, signed=converter.signed,
         poisson=poisson, force=force, ball_radius=float(profile['radius'])))
-
-
-def pad(*arguments, **options):
-    """Return the calibration of `pressed_pad`."""
-    return pressed_pad(*arguments, **options).calibration
 
 
 def estimated(calibration, counts, **config):
@@ -153,7 +148,7 @@ def gains(seeds):
                 ('off, none', spread, 0, 1.0, 1)):
             converter = Converter()
             known = pad(profile, array, converter, rng, gains=gain, flat=flat, least=least,
-                        held=held)
+                        held=held).calibration
             found = estimated(known, converter(pictures, rng, gain))
             row = points(found, places, profile['force'])
             inner = (known.gain * gain)[3:-3, 3:-3]
@@ -186,7 +181,7 @@ def counts(seeds):
             rng = np.random.default_rng(seed)
             places = drawn(profile, 200, rng)
             pictures = rendered(profile, array, places) / highest
-            known = pad(profile, array, converter, rng)
+            known = pad(profile, array, converter, rng).calibration
             row = points(estimated(known, converter(pictures, rng)), places, profile['force'])
             allowed = np.hypot(1.0, 0.0 if converter.exact else (
                 12**-0.5 / (NOISE * converter.peak)))
@@ -209,7 +204,7 @@ def objects(seeds):
             for profile in profiles():
                 skin = float(profile['backing']), float(profile['poisson'])
                 if skin not in skins:
-                    skins[skin] = pad(ball(*skin), array, Converter(), rng)
+                    skins[skin] = pad(ball(*skin), array, Converter(), rng).calibration
                 places = drawn(profile, frames, rng)
                 pictures = rendered(profile, array, places)
                 found = estimated(skins[skin], Converter()(pictures / pictures.max(), rng))
@@ -233,8 +228,8 @@ def skins(seeds):
     rows, array = [], ARRAYS['16x16']
     for backing, poisson in sorted({(float(it['backing']), float(it['poisson']))
                                     for it in profiles()}):
-        found = [pad(ball(backing, poisson), array, Converter(), np.random.default_rng(seed))
-                 for seed in range(seeds)]
+        found = [pad(ball(backing, poisson), array, Converter(),
+                     np.random.default_rng(seed)).calibration for seed in range(seeds)]
         off = np.array([it.depth / DEPTH - 1.0 for it in found])
         claimed = np.array([it.found['skin']['depth_std'] / DEPTH for it in found])
         seen = [it for it in found if it.thickness]

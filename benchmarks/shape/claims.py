@@ -3,7 +3,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.shape import cases
+from benchmarks.shape import cases, methods
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.types.patch import Kind
@@ -41,13 +41,8 @@ def claims_of(found, solid):
 
 def with_noise(case, alike, trials, rng):
     """Return the Claims after random paths, whose errors are alike over some contacts."""
-    found = []
-    for _ in range(trials):
-        points, normals, _ = cases.trial(case, rng, noise={**cases.NOISE, 'alike': alike})
-        estimator = LocalQuadric()
-        for point, normal in zip(points, normals, strict=True):
-            estimator.add(point, normal)
-        found.append(estimator.estimate())
+    found = cases.run(methods.local_quadric(), case, trials, rng,
+                      noise={**cases.NOISE, 'alike': alike}).found
     return claims_of(found, case.surface)
 
 

@@ -86,9 +86,9 @@ class Fitter:
             self.noise = noise._replace(position=self._scatter(curvature, noise.position))
             self._solve(curvature, np.diag(covariance))
 
-    def _sums(self, curvature: np.ndarray, doubt: np.ndarray, model_error: float) -> np.ndarray:
+    def _weigh(self, curvature: np.ndarray, doubt: np.ndarray, model_error: float) -> np.ndarray:
         """
-        Return the normal equations (7, 7): products of the rows over their covariance.
+        Return the rows over their covariance (3, m, 7).
 
         Through the curvature (3,) and its uncertainty, the variances `doubt` (3,), a displacement
         along the surface causes an error of the normal. `model_error` is relative to the
@@ -110,11 +110,10 @@ class Fitter:
         s12 = slide * k12 * (k11 + k22)
         weights = self._weights / (s11 * s22 - s12 * s12)
         of_height, first, second = self._rows
-        self._weighted = np.stack([
+        return np.stack([
             (self._weights / height)[:, None] * of_height,
             (weights * s22)[:, None] * first - (weights * s12)[:, None] * second,
             (weights * s11)[:, None] * second - (weights * s12)[:, None] * first])
-        return self._rows.reshape(-1, 7).T @ self._weighted.reshape(-1, 7)
 
     @property
     def curvature(self) -> np.ndarray:
@@ -163,7 +162,9 @@ class Fitter:
 
     def _solve(self, curvature: np.ndarray, doubt: np.ndarray, model_error: float = 0.0) -> None:
         self._doubt = doubt
-        sums = self._sums(curvature, doubt, model_error)
+        self._weighted = self._weigh(curvature, doubt, model_error)
+        # The normal equations (7, 7)
+        sums = self._rows.reshape(-1, 7).T @ self._weighted.reshape(-1, 7)
         self._lift = np.linalg.solve(sums[:3, :3], sums[:3, 3:])
         left = sums[3:, 3:] - sums[3:, :3] @ self._lift
         for unseen in range(self._count, 3):
