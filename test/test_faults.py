@@ -149,9 +149,9 @@ EVIL_CONTACTS = {
 
 
 @pytest.fixture(scope='module')
-def nonsense():
+def nonsense(tmp_path_factory):
     """Give the whole graph with publishers of nonsense; one for all kinds, since it lasts."""
-    with bench() as it:
+    with bench(parameters=half_rates(tmp_path_factory.mktemp('rates'))) as it:
         # The servo would refuse a second publisher; here what it says is to be judged.
         it.add_all(shared_topics=['contact', '/joint_states'])
         listener = it.listener

@@ -95,8 +95,8 @@ def test_every_cycle_is_accounted_for(tracked):
     assert all(s.contact_fresh and s.joints_fresh for s in active)
 
 
-def test_method_is_selected_by_a_parameter():
-    with bench() as it:
+def test_method_is_selected_by_a_parameter(tmp_path):
+    with bench(parameters=half_rates(tmp_path)) as it:
         graph = it.graph
         graph.add(MockSensorNode, port=str(it.port), scene=str(it.scene_path))
         it.robot = graph.add(MockRobotNode, namespace='', scene=str(it.scene_path),
