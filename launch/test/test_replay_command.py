@@ -22,6 +22,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from edge_tracking.recording.record_bag import BagWriter
+from edge_tracking.replay import one
 from edge_tracking.replay.command import bags_in, main, mapped, result_name
 from edge_tracking.replay.comparison import (
     Comparison,
@@ -223,6 +224,21 @@ def test_many_bags_fail_alone_and_are_not_done_again(capsys, tmp_path):
     slower = '--set', 'edge_servo.approach.speed=0.02', '--compare'
     assert rows(*slower)[1] == f'1  {many / "good.mcap"}  they differ'
     assert rows(*slower)[1] == f'1  {many / "good.mcap"}  done before'
+
+
+def test_a_change_of_the_code_asks_for_another_replay(tmp_path, monkeypatch):
+    """A recording was "done before" with any code of the same version."""
+    source = tmp_path / 'some_law/__init__.py'
+    source.parent.mkdir()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(one, 'PACKAGES', ('some_law',))
+    made = []
+    for text in ('GAIN = 30', 'GAIN = 30', 'GAIN = 31'):
+        source.write_text(text)
+        one.digest_of_sources.cache_clear()
+        made.append(one.made_of(GOLDEN, one.Options()))
+    one.digest_of_sources.cache_clear()
+    assert made[0] == made[1] != made[2]
 
 
 def test_every_recording_in_a_folder_is_found_once_and_has_its_own_result(tmp_path):

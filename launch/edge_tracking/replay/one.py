@@ -3,8 +3,10 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from functools import cache, partial
+from hashlib import sha256
 from heapq import merge
+from importlib.resources import files
 import json
 import math
 from operator import attrgetter
@@ -26,6 +28,7 @@ from edge_tracking.replay.output import Output
 from edge_tracking.replay.servo_core import ServoCore
 from tactile_common.command_line import version_of_all
 from tactile_common.errors import ConfigurationError, TactileError
+from tactile_common.kernels import PACKAGES
 from tactile_common.progress import Progress
 from tactile_common.ros.bag_reader import Bag, Recorded
 from tactile_common.ros.cdr import packed
@@ -70,13 +73,24 @@ class Options:
     parquet: bool = False  # tables as Parquet too
 
 
+@cache
+def digest_of_sources() -> str:
+    """Return a digest of the installed sources; any change of the code changes it."""
+    digest = sha256()
+    for package in (*PACKAGES, 'edge_tracking'):
+        for path in sorted(Path(str(files(package))).rglob('*.py')):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
 def made_of(path: str | Path, options: Options) -> dict[str, Any]:
-    """Return what a result depends on: options, version, size and time of the files."""
+    """Return what a result depends on: options, version, sources, size and time of the files."""
     bags = [Path(path), *([Path(options.compare)] if options.compare else [])]
-    files = {str(file.resolve()): (file.stat().st_size, file.stat().st_mtime_ns)
-             for bag in bags for file in (bag, *bag.glob('*')) if file.is_file()}
+    inputs = {str(file.resolve()): (file.stat().st_size, file.stat().st_mtime_ns)
+              for bag in bags for file in (bag, *bag.glob('*')) if file.is_file()}
     return json.loads(json.dumps(  # as it is read from a file
-        {**asdict(replace(options, out=None)), 'version': version_of_all(), 'files': files}))
+        {**asdict(replace(options, out=None)), 'version': version_of_all(),
+         'sources': digest_of_sources(), 'files': inputs}))
 
 
 @dataclass
