@@ -49,6 +49,14 @@ def scene_of(shape, **parts):
                         **{'start': NEAR, **parts})
 
 
+class Wall:
+    """A plane that rises by 45 degrees from x = 0.02 m on."""
+
+    def distance(self, points):
+        x, up = points[:, 0] - 0.02, -points[:, 2]
+        return np.minimum(up, (up - x) / np.sqrt(2.0))
+
+
 def follow(scene, goal, seconds=20.0, settings=None, config=None, seed=0, law=None):
     """Run a goal: simulation and summary."""
     simulation = Simulation(scene, law, seed=seed, settings=settings, config=config)
@@ -343,3 +351,13 @@ def test_the_command_runs_a_surface(capsys, tmp_path):
     summary = json.loads(capsys.readouterr().out)
     assert summary['law'] == 'tactile_jacobian' and summary['surface_rms'] < 2e-4
     assert plot.read_bytes().startswith(b'\x89PNG')
+
+
+@pytest.mark.parametrize('wrist, reason', [(False, 'length_reached'), (True, 'overload')])
+def test_a_wall_that_is_touched_beside_the_array_is_no_success(wrist, reason):
+    """The images show a small part of its force; only a wrist feels all of it."""
+    simulation = Simulation(scene_of(Wall()), wrist=wrist)
+    summary = summary_of(simulation, line(0.02, 5.0, 0.04, (np.cos(0.3), np.sin(0.3), 0.0)), 20.0)
+    assert summary['reason_code'] == reason and not summary['ok']
+    assert summary['overforce'] != wrist and ('tactels do not show' in summary['reason']) != wrist
+    assert not wrist or summary['force_max'] < 20.0
