@@ -137,7 +137,6 @@ def test_a_controller_that_is_deactivated_is_noticed(it, seconds):
     idle(it)
     listener, robot = it.listener, it.robot.controller
     client = it.start_tracking(length=0.04, retreat=False)
-    held: set[int] = set()
     for progress in (0.005, 0.01, 0.015):
         it.reach(progress)
         begun = len(listener.statuses)

@@ -114,10 +114,10 @@ class SurfaceScene(Scene):
             'broken': bool(fragile and largest(truth.force) > fragile)}
 
     def objection(self, numbers: Mapping[str, Any]) -> str:
-        if numbers['overforce']:
-            return (f'the probe pressed with up to {numbers["force_max"]:.3g} N, which its '
-                    'tactels do not show')
-        return 'what was touched has broken' if numbers['broken'] else ''
+        if numbers['broken']:
+            return 'what was touched has broken'
+        return f'the true force was above {OVERFORCE:g} times the wanted one' if (
+            numbers['overforce']) else ''
 
 
 class SurfaceWorld(World):

@@ -359,5 +359,5 @@ def test_a_wall_that_is_touched_beside_the_array_is_no_success(wrist, reason):
     simulation = Simulation(scene_of(Wall()), wrist=wrist)
     summary = summary_of(simulation, line(0.02, 5.0, 0.04, (np.cos(0.3), np.sin(0.3), 0.0)), 20.0)
     assert summary['reason_code'] == reason and not summary['ok']
-    assert summary['overforce'] != wrist and ('tactels do not show' in summary['reason']) != wrist
+    assert summary['overforce'] != wrist and ('true force' in summary['reason']) != wrist
     assert not wrist or summary['force_max'] < 20.0
