@@ -34,20 +34,6 @@ def _versions() -> str:
     return ', '.join(versions)
 
 
-class _SurvivingPublisher(Publisher):
-    """Publisher that passes errors of rcl to `on_error`."""
-
-    on_error: Any = None
-
-    def publish(self, msg: Any) -> None:
-        try:
-            super().publish(msg)
-        except RCLError as error:
-            if self.on_error is None:
-                raise
-            self.on_error(error, self.topic)
-
-
 class TactileNode(Node):
     """
     Node that counts messages that cannot be sent, and continues.
@@ -106,13 +92,18 @@ class TactileNode(Node):
         """True during the first `START_UP` seconds: a missing input then needs no warning."""
         return time.monotonic() - self._begun < START_UP
 
-    def create_publisher(self, *arguments: Any, publisher_class: type = _SurvivingPublisher,
-                         **kwargs: Any) -> Publisher:
+    def create_publisher(self, *arguments: Any, **kwargs: Any) -> Publisher:
         """Create a publisher that counts messages that cannot be sent."""
-        publisher = super().create_publisher(
-            *arguments, publisher_class=publisher_class, **kwargs)
-        if isinstance(publisher, _SurvivingPublisher):
-            publisher.on_error = self.count_error
+        publisher = super().create_publisher(*arguments, **kwargs)
+        send = publisher.publish
+
+        def publish(msg: Any) -> None:
+            try:
+                send(msg)
+            except RCLError as error:
+                self.count_error(error, publisher.topic)
+
+        publisher.publish = publish  # type: ignore[method-assign]
         return publisher
 
     def create_subscription(self, msg_type: type, *arguments: Any, raw: bool = False,
