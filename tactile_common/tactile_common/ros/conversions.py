@@ -65,17 +65,10 @@ def pose_to_msg(matrix: np.ndarray, into: Pose | None = None) -> Pose:
 def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
     """Convert a rotation matrix (3, 3) to a quaternion (x, y, z, w), by its largest component."""
     (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
-    squares = (1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i, 1.0 + a + e + i)
-    if not all(map(math.isfinite, squares)):
-        return (math.nan,) * 4
-    largest = max(range(4), key=squares.__getitem__)
-    r = squares[largest] ** 0.5
-    s = 0.5 / r
-    half = 0.5 * r
-    if largest == 3:
-        return (h - f) * s, (c - g) * s, (d - b) * s, half
-    if largest == 0:
-        return half, (b + d) * s, (c + g) * s, (h - f) * s
-    if largest == 1:
-        return (b + d) * s, half, (f + h) * s, (c - g) * s
-    return (c + g) * s, (f + h) * s, half, (d - b) * s
+    # Four times the products of each component with all four; the diagonal are their squares.
+    products = ((1.0 + a - e - i, b + d, c + g, h - f), (b + d, 1.0 - a + e - i, f + h, c - g),
+                (c + g, f + h, 1.0 - a - e + i, d - b), (h - f, c - g, d - b, 1.0 + a + e + i))
+    largest = max(range(4), key=lambda k: products[k][k])
+    x, y, z, w = (0.5 * value / math.sqrt(products[largest][largest])
+                  for value in products[largest])
+    return x, y, z, w
