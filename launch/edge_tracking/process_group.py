@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import json
 import os
+import select
 import signal
 import subprocess
 import sys
-import threading
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -22,6 +22,7 @@ from rclpy.node import Node
 from edge_tracking.graph import add_mocks, add_sensing, Graph
 from edge_tracking.recording.record_bag import RecorderNode
 from edge_tracking.recording.topics import topics
+from tactile_common.command_line import refusing
 from tactile_common.ros.runner import freeze_heap
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorNode
 
@@ -89,26 +90,20 @@ def main() -> int:
     add, niceness = PARTS[part]
     for number in (signal.SIGINT, signal.SIGTERM):  # the parent handles them and ends this part
         signal.signal(number, signal.SIG_IGN)
-    ended = threading.Event()
 
-    def wait() -> None:
-        sys.stdin.read()
-        ended.set()
+    def ended() -> bool:
+        return bool(select.select([sys.stdin], (), (), 0.0)[0])
 
-    threading.Thread(target=wait, daemon=True).start()
-    try:
-        with Graph(**options) as graph:
-            add(graph, *arguments)
-            freeze_heap()
-            # Lower the priority only when the servo is heard: earlier it would delay the start.
-            graph.spin(lambda: ended.is_set() or graph.nodes[0].count_publishers(
-                f'/{graph.namespace}/servo_status') > 0)
-            os.nice(niceness)
-            graph.spin(ended.is_set)
-    except (ValueError, RuntimeError, ParameterException) as error:
-        print(f'{part}: {" ".join(str(error).split())}', file=sys.stderr)
-        return 1
-    return 0
+    with refusing(part, ValueError, RuntimeError, ParameterException) as command, \
+            Graph(**options) as graph:
+        add(graph, *arguments)
+        freeze_heap()
+        # Lower the priority only when the servo is heard: earlier it would delay the start.
+        graph.spin(lambda: ended() or graph.nodes[0].count_publishers(
+            f'/{graph.namespace}/servo_status') > 0)
+        os.nice(niceness)
+        graph.spin(ended)
+    return command.status
 
 
 if __name__ == '__main__':

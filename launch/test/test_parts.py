@@ -49,6 +49,6 @@ def test_sensor_and_robot_are_heard_and_recorded_and_end_with_the_graph(tmp_path
 
 def test_a_part_that_cannot_start_says_why(capfd):
     with apart('sensing', '') as process:
-        assert process.wait(60.0) == 1
+        assert process.wait(60.0) == 2
     assert capfd.readouterr().err.strip() == (
         "sensing: parameter 'port' is empty, must name a serial port")
