@@ -17,7 +17,7 @@ from rosbags.typesys import (
 )
 
 from tactile_common.errors import ConfigurationError, TactileError
-from tactile_common.ros.bag_storage import check_types, MAX_DEFINITION, open_bag
+from tactile_common.ros.bag_storage import check_types, MAX_DEFINITION, WholeReader
 from tactile_common.ros.cdr import DAMAGE, deserialised, register, stamp_of
 from tactile_common.ros.message_definitions import definition, definition_of, SEPARATOR
 from tactile_common.yaml_file import read_yaml
@@ -41,7 +41,7 @@ class Recorded(NamedTuple):
     def message(self) -> Any:
         """Fields of its type, decoded now; sequences of numbers are numpy arrays."""
         with self.reading():
-            return self.bag.decoded(self.topic, self.data)
+            return deserialised(self.bag.types, self.bag.topics[self.topic], self.data)
 
     @property
     def stamp_ns(self) -> int:
@@ -85,10 +85,10 @@ class Bag:
         with self.clear_errors():
             if (self.path / 'metadata.yaml').exists():
                 read_yaml(self.path / 'metadata.yaml')  # checks the limits before rosbags reads it
-            self._reader = open_bag(self.path)
+            self._reader = WholeReader(self.path)
             self.topics = {connection.topic: connection.msgtype  # message type by topic
                            for connection in self._reader.connections}
-        self._types = get_typestore(Stores.EMPTY)
+        self.types = get_typestore(Stores.EMPTY)
 
     def __enter__(self: AnyBag) -> AnyBag:
         return self
@@ -165,22 +165,16 @@ class Bag:
             if missing > 0:  # the reader skips records that it does not understand
                 raise ConfigurationError(f'{missing} messages in it are lost')
 
-    def decoded(self, topic: str, data: bytes) -> Any:
-        """Decode the bytes of a message; one of `DAMAGE` if they are damaged."""
-        return deserialised(self._types, self.topics[topic], data)
-
     def is_of_type(self, topic: str, kind: type) -> bool:
         """Return True if a topic has the installed message class: its bytes can be forwarded."""
-        name, text, _ = definition_of(kind)
-        if self.topics[topic] != name:
+        known = definition_of(kind)
+        if self.topics[topic] != known.name:
             return False
         with self.clear_errors():
             for connection in self._reader.connections:
                 if connection.topic == topic:
                     self._learn(connection)
-        there = self._types.fielddefs  # constants and fields; only fields are sent
-        return all(part in there and there[part][1] == fields
-                   for part, (_, fields) in get_types_from_msg(text, name).items())
+            return self.types.hash_rihs01(known.name) == known.digest
 
     def _learn(self, connection: Any) -> None:
         name, (kind, text) = connection.msgtype, connection.msgdef
@@ -198,7 +192,7 @@ class Bag:
                 if body.strip():
                     types |= get_types_from_idl(body)
         check_types(types)
-        register(self._types, types)
+        register(self.types, types)
 
     @contextmanager
     def clear_errors(self) -> Iterator[None]:

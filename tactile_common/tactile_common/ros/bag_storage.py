@@ -36,25 +36,8 @@ def check_types(types: Mapping[str, Any]) -> None:
                         f'{field} of {name} is an array of fixed length, only read of numbers')
 
 
-def open_bag(path: Path) -> 'WholeReader':
-    """
-    Open a bag, complete or truncated.
-
-    A recorder that was killed leaves a folder without metadata; then its file is read. From now on
-    the MCAP reader decompresses a chunk to the size that it declares, and at most to `MAX_CHUNK`.
-    """
-    storage_mcap.DECOMPRESSORS['lz4'] = _bounded(LZ4FrameDecompressor)
-    storage_mcap.DECOMPRESSORS['zstd'] = _bounded(storage_mcap.zstd.ZstdDecompressor)
-    if path.is_dir() and not (path / 'metadata.yaml').exists():
-        files = sorted(path.glob('*.mcap'))
-        if len(files) == 1:
-            path = files[0]
-    reader = WholeReader(path)
-    reader.open()
-    return reader
-
-
 def _bounded(make: Callable[[], Any]) -> Callable[[bytes, int], bytes]:
+    """Return a decompressor of chunks to the size that they declare, at most `MAX_CHUNK`."""
     def decompress(data: bytes, size: int) -> bytes:
         if size > MAX_CHUNK:
             raise ReaderError(
@@ -64,6 +47,10 @@ def _bounded(make: Callable[[], Any]) -> Callable[[bytes, int], bytes]:
         except (storage_mcap.zstd.ZstdError, RuntimeError, EOFError) as error:
             raise ReaderError(f'a chunk of {len(data)} bytes is damaged: {error}') from error
     return decompress
+
+
+storage_mcap.DECOMPRESSORS.update(
+    lz4=_bounded(LZ4FrameDecompressor), zstd=_bounded(storage_mcap.zstd.ZstdDecompressor))
 
 
 class _WholePart(McapReader):
@@ -114,9 +101,19 @@ class _Folder(DirectoryReader):
 
 
 class WholeReader(Reader):
-    """Reader of a bag, complete or truncated."""
+    """
+    Reader of a bag, complete or truncated; it is open.
+
+    A recorder that was killed leaves a folder without metadata; then its file is read.
+    """
 
     STORAGE_PLUGINS = {'dir': _Folder, '.mcap': _WholePart, '.db3': Sqlite3Reader}
+
+    def __init__(self, path: Path):
+        files = list(path.glob('*.mcap')) if path.is_dir() else []
+        whole = len(files) != 1 or (path / 'metadata.yaml').exists()
+        super().__init__(path if whole else files[0])
+        self.open()
 
     @property
     def cut(self) -> str:
