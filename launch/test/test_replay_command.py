@@ -24,15 +24,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from edge_tracking.recording.record_bag import BagWriter
 from edge_tracking.replay import one
 from edge_tracking.replay.command import bags_in, main, mapped, result_name
-from edge_tracking.replay.comparison import (
-    Comparison,
-    distance,
-    Replayed,
-    TOLERANCES,
-    unequal,
-)
+from edge_tracking.replay.comparison import COMPARED, Comparison, distance, TOLERANCES, unequal
 from tactile_common.errors import ConfigurationError
-from tactile_common.ros.bag_reader import Bag
+from tactile_common.ros.bag_reader import Bag, Recorded
 from tactile_common.ros.cdr import packed, unpacked
 from tactile_common.ros.message_definitions import definition
 from tactile_msgs.msg import ServoCalls
@@ -89,11 +83,11 @@ def test_tolerances_are_by_field(capsys):
     assert run(capsys, *change, '--compare')[0] == 1
     assert run(capsys, *change, '--compare', '--tolerance', '1')[0] == 0
     assert run(capsys, *change, '--compare', '--tolerance', 'speed=1')[0] == 1
-    own = Comparison({'contact.x': 0.1, 'covariance': 0.2})
+    own = Comparison({'contact.x': 0.1, 'covariance': 0.2}, ())
     assert [own._tolerance('contact', name) for name in ('x', 'covariance[3]', 'y')] == [
         0.1, 0.2, 1e-7]
     assert own._tolerance('joint_trajectory', 'points') == 2e-9
-    assert Comparison({'': 1.0})._tolerance('contact', 'covariance[0]') == 1.0
+    assert Comparison({'': 1.0}, ())._tolerance('contact', 'covariance[0]') == 1.0
 
 
 @pytest.mark.parametrize('args, text', [
@@ -330,13 +324,14 @@ def test_a_message_of_one_side_alone_differs_between_others():
     def at(second):
         message = Pose()
         message.header.stamp.sec = second
-        return Replayed(packed(message), type(None))  # equal bytes: not decoded
+        return packed(message)
 
     def compared(*recorded, topic='contour', replayed=(1, 2, 3, 4, 5)):
-        comparison = Comparison({})
-        for side, seconds in enumerate((recorded, replayed)):
-            for second in seconds:
-                comparison.take(side, topic, at(second))
+        comparison = Comparison({}, COMPARED)
+        for second in recorded:  # equal bytes are not decoded, so no bag is needed
+            comparison.take(topic, Recorded(topic, 0, at(second), None))
+        for second in replayed:
+            comparison.take(topic, at(second))
         return comparison
     assert compared(1, 2, 3, 4, 5).equal
     assert compared(2, 3, 4).equal  # it began later and ended sooner

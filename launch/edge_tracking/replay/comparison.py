@@ -1,9 +1,9 @@
 """Comparison of recorded and replayed messages: which fields differ, by how much, and when."""
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, is_dataclass
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -30,26 +30,6 @@ DURATION = 'builtin_interfaces/msg/Duration'
 FIRST = 10  # differences that are listed
 
 
-class Replayed(NamedTuple):
-    """A message of the replay, with the attributes of a `Recorded` one."""
-
-    data: bytes  # serialised
-    kind: type
-
-    @property
-    def message(self) -> Any:
-        """The decoded message."""
-        return unpacked(self.data, self.kind)
-
-    @property
-    def stamp_ns(self) -> int:
-        """Stamp of its header."""
-        return stamp_of(self.data)
-
-
-Message = Recorded | Replayed
-
-
 @dataclass
 class Tally:
     """Result of the comparison of one topic."""
@@ -59,8 +39,7 @@ class Tally:
     spans: tuple[list[float], list[float]] = field(
         default_factory=lambda: ([math.inf, -math.inf], [math.inf, -math.inf]))
     # Messages without a partner by their stamps: recorded, replayed.
-    waiting: tuple[dict[int, Message], dict[int, Message]] = field(
-        default_factory=lambda: ({}, {}))
+    waiting: tuple[dict[int, Any], dict[int, Any]] = field(default_factory=lambda: ({}, {}))
     differing: int = 0
     fields: dict[str, tuple[int, float]] = field(default_factory=dict)  # count and largest
 
@@ -73,7 +52,7 @@ class Tally:
 
 class Comparison:
     """
-    Compares messages of two sides, 0 recorded and 1 replayed, in pairs with equal stamps.
+    Compares recorded with replayed messages of some topics, in pairs with equal stamps.
 
     A message without a partner counts as a difference only between the first and last message of
     the other side, because a recording begins and ends in the middle. A topic without a pair
@@ -81,20 +60,24 @@ class Comparison:
     and come before `TOLERANCES`. Raises a ConfigurationError if a key is none of these.
     """
 
-    def __init__(self, tolerances: Mapping[str, float]):
+    def __init__(self, tolerances: Mapping[str, float], compared: Collection[str]):
         known = {'', *(name for topic in COMPARED for field in names_of(KINDS[topic]())
                        for name in (field, f'{topic}.{field}'))}
         for name in tolerances.keys() - known:
             raise ConfigurationError(f'--tolerance {name}: no compared message has such a field'
                                      f'{did_you_mean(name, known)}')
-        self._tolerances = tolerances
+        self._tolerances, self.compared = tolerances, compared
         self._unstamped: Counter[tuple[str, int]] = Counter()
         self.topics: dict[str, Tally] = {}
         self.first: list[str] = []
 
-    def take(self, side: int, topic: str, message: Message) -> None:
-        """Add a message of a side; it is compared when its partner is there."""
-        tally, stamp = self.topics.setdefault(topic, Tally()), message.stamp_ns
+    def take(self, topic: str, message: Recorded | bytes) -> None:
+        """Add a recorded message or the bytes of a replayed one; compare it with its partner."""
+        if topic not in self.compared:
+            return
+        side, stamp = (1, stamp_of(message)) if isinstance(message, bytes) else (
+            0, message.stamp_ns)
+        tally = self.topics.setdefault(topic, Tally())
         if not stamp:  # a window that begins on reception has no stamp
             self._unstamped[topic, side] += 1
             stamp = -self._unstamped[topic, side]
@@ -106,13 +89,13 @@ class Comparison:
         else:
             self._compare(topic, stamp, *((other, message) if side else (message, other)))
 
-    def _compare(self, topic: str, stamp: int, before: Message, after: Message) -> None:
+    def _compare(self, topic: str, stamp: int, before: Recorded, after: bytes) -> None:
         tally = self.topics[topic]
         tally.compared += 1
-        if before.data == after.data:  # the usual case: neither is decoded
+        if before.data == after:  # the usual case: neither is decoded
             return
         differs = False
-        for name, one, other in unequal(before.message, after.message):
+        for name, one, other in unequal(before.message, unpacked(after, KINDS[topic])):
             size = distance(one, other)
             if name.split('.')[0] in COMPARED[topic] or size <= self._tolerance(topic, name):
                 continue

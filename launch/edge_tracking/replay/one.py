@@ -141,9 +141,10 @@ class Replay:
                       *(OF_SERVO if with_servo else ())}
         self._reference = self._bag_to_compare(options.compare, stack)
         self._compares = options.compare is not None
-        self.output = Output(
-            Comparison(options.tolerances),
+        self._comparison = Comparison(
+            options.tolerances,
             COMPARED.keys() & self._made & self._reference.topic.keys() if self._compares else ())
+        self.output = Output(self._comparison)
         if options.out is not None:
             self.output.open(options.out, self.bag.prefix.strip('/'), stack)
         for node, values in settings.changed.items():  # also in the written recording
@@ -177,7 +178,7 @@ class Replay:
     def _publisher(self, _: Any, name: str, __: Any) -> Any:
         """Return a stand-in for a node's publisher."""
         return SimpleNamespace(
-            publish=lambda message: self.output.message(name, self._now_ns, packed(message)))
+            publish=lambda message: self.output.message(name, self._now_ns, message))
 
     def run(self, progress: Progress) -> Result:
         """Replay all messages that can be read."""
@@ -186,8 +187,8 @@ class Replay:
         for row in self._rows():
             bag = self.bag if row.bag is self.bag else self._reference
             name = bag.name[row.topic]
-            if row.bag is self._reference and name in self.output.compared:
-                self.output.comparison.take(0, name, row)
+            if row.bag is self._reference:
+                self._comparison.take(name, row)
             if row.bag is self.bag and name not in self._made:
                 count += 1
                 self.output.copy(name, row.received_ns, row.data)
@@ -208,8 +209,7 @@ class Replay:
             if lacking:
                 result.notes.append(f'bag {self._reference.path}: has no '
                                     f'{", ".join(sorted(lacking))}: not compared')
-            result.equal = self.output.comparison.equal
-            result.table = self.output.comparison.table()
+            result.equal, result.table = self._comparison.equal, self._comparison.table()
         return result
 
     def _do(self, row: Recorded, action: Callable[[], None]) -> None:
@@ -258,11 +258,11 @@ class Replay:
             return
         contact = (self._estimator.refuse_malformed() if image is None
                    else self._estimator.estimate(image))
-        self.output.message('contact', row.received_ns, packed(contact_to_msg(
-            contact, message, row.received_ns, self._contact)))
+        self.output.message('contact', row.received_ns, contact_to_msg(
+            contact, message, row.received_ns, self._contact))
         if contact.force_valid:
-            self.output.message('wrench', row.received_ns, packed(
-                contact_to_wrench(contact, message, self._wrench)))
+            self.output.message('wrench', row.received_ns, contact_to_wrench(
+                contact, message, self._wrench))
         self._use_contact(row, message, contact)
 
     def _use_contact(self, row: Recorded, message: Any, contact: Contact) -> None:
@@ -277,7 +277,7 @@ class Replay:
         wanted: dict[GraphBag, set[str]] = {self.bag: {
             topic for topic, name in self.bag.name.items() if name not in self._made}}
         wanted[self._reference] = wanted.get(self._reference, set()) | {
-            self._reference.topic[name] for name in self.output.compared}
+            self._reference.topic[name] for name in self._comparison.compared}
         return merge(*(self._readable(*it) for it in wanted.items()),
                      key=attrgetter('received_ns'))
 

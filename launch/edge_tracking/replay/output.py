@@ -1,6 +1,5 @@
 """What a replay makes: messages, compared with recorded ones, a new recording and tables."""
 from collections import Counter
-from collections.abc import Collection
 from contextlib import ExitStack
 import csv
 from operator import attrgetter
@@ -8,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from edge_tracking.recording.record_bag import BagWriter
-from edge_tracking.recording.topics import KINDS, topics
-from edge_tracking.replay.comparison import Comparison, Replayed
+from edge_tracking.recording.topics import topics
+from edge_tracking.replay.comparison import Comparison
 from tactile_common.errors import ConfigurationError
+from tactile_common.ros.cdr import packed
 from tactile_sensing.types.contact import Contact, REALS
 from tactile_servo.types import Status
 
@@ -22,15 +22,11 @@ CYCLES = ('stamp_ns', 'steady', 'state', 'reason_code', *_REALS, 'window')
 
 
 class Output:
-    """
-    Takes the results of a replay.
+    """Takes the results of a replay; `counts` are the numbers of messages by topic."""
 
-    `counts` are the numbers of messages by topic, `compared` the names of the topics to compare.
-    """
-
-    def __init__(self, comparison: Comparison, compared: Collection[str]):
+    def __init__(self, comparison: Comparison):
         self.counts: Counter[str] = Counter()
-        self.comparison, self.compared = comparison, compared
+        self._comparison = comparison
         self._writer: BagWriter | None = None
         self._tables: dict[str, Any] = {}
 
@@ -52,12 +48,12 @@ class Output:
         if self._writer:
             self._writer.write(name, time_ns, data)
 
-    def message(self, name: str, time_ns: int, data: bytes) -> None:
+    def message(self, name: str, time_ns: int, message: Any) -> None:
         """Write and compare a message that the replay has made."""
+        data = packed(message)
         self.counts[name] += 1
         self.copy(name, time_ns, data)
-        if name in self.compared:
-            self.comparison.take(1, name, Replayed(data, KINDS[name]))
+        self._comparison.take(name, data)
 
     def contact(self, stamp_ns: int, contact: Contact) -> None:
         """Write a row of the contacts."""

@@ -12,7 +12,6 @@ from edge_tracking.parameters import SERVO
 from edge_tracking.recording.settings import Settings
 from edge_tracking.replay.output import Output
 from tactile_common.errors import TactileError
-from tactile_common.ros.cdr import packed
 from tactile_common.ros.conversions import NS, pose_to_msg, set_stamp
 from tactile_msgs.msg import ServoStatus
 from tactile_servo.config import ServoConfig
@@ -143,14 +142,14 @@ class ServoCore:
                 servo.see_joints(seen, stamp_ns, time)
                 pose_to_msg(servo.inputs.pose, self._pose.pose)
                 set_stamp(self._pose.header.stamp, stamp_ns)
-                self._output.message('sensor_pose', at, packed(self._pose))
+                self._output.message('sensor_pose', at, self._pose)
                 self._shape.take_pose(self._pose)
 
     def _touch(self, stamp_ns: int, at: int) -> None:
         touch = self.servo.law.touch
         if self._maps and touch and touch.stamp_ns == stamp_ns:
             message = touch_to_msg(touch, self._model.root_frame)
-            self._output.message('surface_contact', at, packed(message))
+            self._output.message('surface_contact', at, message)
             self._shape.take_touch(message)
 
     def _end_cycle(self, at: int) -> None:
@@ -159,12 +158,11 @@ class ServoCore:
         if cycle is None:
             return
         if cycle.window is not None:
-            self._output.message(
-                'joint_trajectory', at, packed(trajectory_to_msg(cycle.window)))
+            self._output.message('joint_trajectory', at, trajectory_to_msg(cycle.window))
         news = cycle.status.state, cycle.status.reason
         if cycle.published or news != (self._news or news):
             status_to_msg(cycle.status, self.servo.law.name, UNKNOWN, self._status)
             set_stamp(self._status.header.stamp, cycle.now_ns)
-            self._output.message('servo_status', at, packed(self._status))
+            self._output.message('servo_status', at, self._status)
         self._news = news
         self._output.cycle(cycle.now, cycle.now_ns, cycle.status, cycle.window is not None)
