@@ -31,24 +31,13 @@ LEAST_ERROR = 5e-3  # mm, smallest range of an axis of errors
 SHADES = {
     State.APPROACH: '#eaf0f8', State.CORNER: '#fff4d6', State.SEARCH: '#fdebd3',
     State.RETREAT: '#dfe7ef', State.HOLD: '#fadcd9'}
-CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
+CORNERS = np.array([[-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1]])  # x and y of a closed square
 TOUCH, TRUE = (ORANGE, '#c9a227'), (BLUE, '#6aa3d8')  # along x and y
 
 
-def line(name: str, x: Any, y: Any, colour: str, **style: Any) -> dict[str, Any]:
-    """Return a line over increasing x, with NaN for gaps; `style` is its width, or dots."""
-    x, y = extremes(np.asarray(x, float), np.asarray(y, float))
-    return _series(name, x, y, colour, **style)
-
-
-def way(name: str, points: np.ndarray, colour: str, **style: Any) -> dict[str, Any]:
-    """Return a line through points (N, 2 or more) in any order."""
-    x, y = points[thinned(len(points), MOST_POINTS), :2].T if len(points) else np.empty((2, 0))
-    return _series(name, x, y, colour, **style)
-
-
-def _series(name: str, x: np.ndarray, y: np.ndarray, colour: str,
-            **style: Any) -> dict[str, Any]:
+def line(name: str, points: Any, colour: str, **style: Any) -> dict[str, Any]:
+    """Return a line through points, x and y, NaN for gaps; `style` is its width, or dots."""
+    x, y = extremes(*(np.asarray(part, float) for part in points))
     return {'name': name, 'colour': colour, 'x': packed(x, '<f4'), 'y': packed(y, '<f4'), **style}
 
 
@@ -67,7 +56,7 @@ def extremes(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def chart(title: str, x: str, y: str, series: Sequence[Any], **more: Any) -> dict[str, Any]:
     """
-    Return a chart of results of `line` and `way` for the script `chart.js`.
+    Return a chart of results of `line` for the script `chart.js`.
 
     `x` and `y` are labels with units. `more` may be `bands` [begin, end, colour], `marks` [across,
     at, name, colour], `domain` of x, `range` of y, `equal` axes.
@@ -93,13 +82,13 @@ def over_time(it: Shown) -> list[dict[str, Any]]:
     time, (tracking, settled) = run.seconds(statuses.stamp_ns), settled_cycles(statuses)
     felt = np.column_stack([statuses.lateral_error, statuses.longitudinal_error])
     felt = np.where(tracking[:, None], 1e3 * felt, np.nan)
-    series = [line(f'{"xy"[axis]} by touch', time, felt[:, axis], TOUCH[axis])
+    series = [line(f'{"xy"[axis]} by touch', (time, felt[:, axis]), TOUCH[axis])
               for axis in (0, 1) if np.isfinite(felt[:, axis]).any()]
     judged = felt[settled]
     if it.scene:
         place = _place_on_pad(it)
         judged = 1e3 * place[real.settled]
-        series += [line(f'{"xy"[axis]}, true', real.time, 1e3 * place[:, axis], TRUE[axis],
+        series += [line(f'{"xy"[axis]}, true', (real.time, 1e3 * place[:, axis]), TRUE[axis],
                         width=1.8)
                    for axis in (0, 1) if np.isfinite(place[:, axis]).any()]
     begin = [[True, float(time[np.argmax(settled)]), '', GREY]] if settled.any() else []
@@ -132,9 +121,9 @@ def _force(it: Shown, begin: list[Any]) -> dict[str, Any]:
     if 2 * contacts.force_valid[touching].sum() > touching.sum():
         stamps = contacts.stamp_ns
         force = np.where(contacts.force_valid, contacts.normal_force, np.nan)
-    series = [line('by touch', run.seconds(stamps), scale * force, ORANGE)]
+    series = [line('by touch', (run.seconds(stamps), scale * force), ORANGE)]
     if real is not None:
-        series.append(line('true', real.time, real.force, BLUE, width=1.8))
+        series.append(line('true', (real.time, real.force), BLUE, width=1.8))
     target = float(it.summary['force_target'])
     known = np.isfinite(target) and unit == 'N'
     largest = max(target, float(np.nanmax(force if real is None else real.force, initial=target)))
@@ -155,16 +144,16 @@ def latency(it: Shown) -> list[dict[str, Any]]:
                                                         ORANGE),
         (period, 'one picture', GREY)) if np.isfinite(at)]
     return [chart('Last byte to command', 'time [ms]', 'pictures', [
-        line('', np.repeat(edges, 2)[1:-1], np.repeat(counts, 2), BLUE)], marks=marks)]
+        line('', (np.repeat(edges, 2)[1:-1], np.repeat(counts, 2)), BLUE)], marks=marks)]
 
 
 def from_above(edge: np.ndarray, points: Any) -> np.ndarray:
-    """Return horizontal coordinates [mm], `(N, 2)`, with the first edge from 0 along x."""
+    """Return horizontal coordinates [mm], `(2, N)`, with the first edge from 0 along x."""
     along = edge[1, :2] - edge[0, :2]
     along = along / max(np.linalg.norm(along), 1e-12)
     across = np.array([-along[1], along[0]])
     relative = 1e3 * (np.asarray(points)[:, :2] - edge[0, :2])
-    return relative @ np.stack([along, across], axis=1)
+    return (relative @ np.stack([along, across], axis=1)).T
 
 
 def felt(it: Shown) -> list[dict[str, Any]]:
@@ -173,10 +162,10 @@ def felt(it: Shown) -> list[dict[str, Any]]:
     off = it.scene.surface.distance(points) if len(points) else np.empty(0)
     return [
         chart('Contacts from above, equal axes', 'x [mm]', 'y [mm]', [
-            way('', 1e3 * (points - np.array(it.scene.surface.top)), BLUE, dots=True)],
+            line('', 1e3 * (points - np.array(it.scene.surface.top)).T[:2], BLUE, dots=True)],
             equal=True),
         chart('Contacts against the true surface', 'way [mm]', 'outside [\u00b5m]', [
-            line('', 1e3 * arc_length(points) if len(points) else [], 1e6 * off, BLUE)])]
+            line('', (1e3 * arc_length(points) if len(points) else [], 1e6 * off), BLUE)])]
 
 
 def plan(it: Shown, found: Outline | None) -> list[dict[str, Any]]:
@@ -184,11 +173,12 @@ def plan(it: Shown, found: Outline | None) -> list[dict[str, Any]]:
     run, scene, series = it.run, it.scene, []
     if scene is not None:
         edge = scene.edge.points
-        series += [way('true edge', from_above(edge, edge), EDGE_COLOUR, width=6),
-                   way('pad', from_above(edge, run.poses.matrix[it.real.tracking, :3, 3]), BLUE)]
+        pad = run.poses.matrix[it.real.tracking, :3, 3]
+        series += [line('true edge', from_above(edge, edge), EDGE_COLOUR, width=6),
+                   line('pad', from_above(edge, pad), BLUE)]
     if found is not None:
         edge = found.points if scene is None else edge
-        series += [way(name, from_above(edge, points.reshape(-1, 3)), colour, **style)
+        series += [line(name, from_above(edge, points.reshape(-1, 3)), colour, **style)
                    for name, points, colour, style in (
                        ('contacts', run.contour, TRUE[1], {'dots': True}),
                        ('outline', found.points, ORANGE, {}),
@@ -199,7 +189,7 @@ def plan(it: Shown, found: Outline | None) -> list[dict[str, Any]]:
         lateral, along = 1e3 * scene.edge.nearest(run.contour)[0], arc_length(run.contour)
         shown.append(chart(
             'Contacts against the true edge', 'along the contour [mm]', 'left of it [mm]',
-            [line('', 1e3 * along, lateral, BLUE)],
+            [line('', (1e3 * along, lateral), BLUE)],
             range=_around(lateral[along >= SETTLING_LENGTH])))
     return shown
 
@@ -209,7 +199,7 @@ def curvatures(run: RunData) -> list[dict[str, Any]]:
     along = 1e3 * arc_length(np.array([patch.origin for patch in run.patches]))
     bend = np.array([np.where(patch.seen, patch.curvature, np.nan) for patch in run.patches])
     return [chart('Curvature, where the path could see it', 'way [mm]', 'curvature [1/m]', [
-        line(('first', 'second')[axis], along, bend[:, axis], (BLUE, ORANGE)[axis], dots=True)
+        line(('first', 'second')[axis], (along, bend[:, axis]), (BLUE, ORANGE)[axis], dots=True)
         for axis in (0, 1)])]
 
 
@@ -220,15 +210,15 @@ def pressed(run: RunData, series: ForceSeries) -> list[dict[str, Any]]:
     loaded = series.force > 0.1 * np.nanmax(series.force, initial=0.0)
     moves = np.where(loaded[:, None], centre, np.nan)
     array = run.images.array
-    frame = [way('array', 500.0 * np.array([array.size_x, array.size_y]) * CORNERS, GREY)] if (
-        array) else []
+    frame = [line('array', (500.0 * array.size_x * CORNERS[0], 500.0 * array.size_y * CORNERS[1]),
+                  GREY)] if array else []
     return [
         chart('Force', 'time [s]', f'force [{unit}]', [
-            line('', time, scale * series.force, BLUE)]),
+            line('', (time, scale * series.force), BLUE)]),
         chart('Centre of pressure', 'time [s]', 'place [mm]', [
-            line('xy'[axis], time, moves[:, axis], (BLUE, ORANGE)[axis]) for axis in (0, 1)]),
+            line('xy'[axis], (time, moves[:, axis]), (BLUE, ORANGE)[axis]) for axis in (0, 1)]),
         chart('Centre of pressure on the array, equal axes', 'x [mm]', 'y [mm]', [
-            *frame, way('', centre[loaded], BLUE, dots=True)], equal=True)]
+            *frame, line('', centre[loaded].T, BLUE, dots=True)], equal=True)]
 
 
 def thinned(count: int, most: int) -> np.ndarray:
