@@ -14,9 +14,9 @@ import pytest
 from recorded_run import TOPICS, with_columns, write_bag
 
 from edge_tracking.recording.run import read_run
-from edge_tracking.recording.summary import summarise, summarise_recording, truth
+from edge_tracking.recording.summary import Shown, summarise, summarise_recording, truth
 from edge_tracking.report import charts
-from edge_tracking.report.page import main, make_report, Shown
+from edge_tracking.report.page import main, make_report
 from tactile_servo.robot_config import NodeConfig
 from tactile_servo.types import State
 from tactile_shape.local_surface.local_quadric import LocalQuadric

@@ -7,8 +7,8 @@ import pytest
 from recorded_run import with_columns
 
 from edge_tracking.recording.run import CONTACTS, Images, POSES, RunData, STATUSES
-from edge_tracking.recording.summary import shape_of_surface, summarise, truth
-from edge_tracking.report.page import make_report, Shown
+from edge_tracking.recording.summary import shape_of_surface, Shown, summarise, truth
+from edge_tracking.report.page import make_report
 from tactile_sensing.dome.finite_elements import SkinConfig
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import State

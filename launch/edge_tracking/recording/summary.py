@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from edge_tracking.recording.run import read_run, RunData
+from edge_tracking.recording.run import CONTACTS, read_run, RunData
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_sensing.image import image_moments
 from tactile_sensing.types.contact import ContactType
@@ -93,9 +93,9 @@ def truth(run: RunData, scene: Scene) -> Course:
         run.seconds(poses.stamp_ns), poses.matrix, force, shift, progress, tracking, settled))
 
 
-def latencies(run: RunData) -> tuple[np.ndarray, np.ndarray]:
+def latencies(run: RunData) -> np.ndarray:
     """
-    Return stamps of images [ns] and their latencies [s], (N,) each.
+    Return the latencies of images [s], (N,).
 
     The latency begins when the last byte arrives at the driver, which is the stamp plus the
     acquisition delay. It ends with the first command that used the image, as measured by the
@@ -106,8 +106,7 @@ def latencies(run: RunData) -> tuple[np.ndarray, np.ndarray]:
     tracking, _ = settled_cycles(statuses)
     stamps, first = np.unique(statuses.contact_stamp_ns, return_index=True)
     keep = (stamps > 0) & tracking[first] & np.isfinite(statuses.latency[first])
-    stamps, first = stamps[keep], first[keep]
-    return stamps, statuses.latency[first] - delay
+    return statuses.latency[first[keep]] - delay
 
 
 @lru_cache(maxsize=1)
@@ -199,7 +198,7 @@ def of_servo(run: RunData, scene: str) -> dict[str, Any]:
     active = np.flatnonzero(statuses.state != State.IDLE)
     duration = span(statuses.stamp_ns[active])
     cycles = int(np.ptp(statuses.cycles[active])) + 1 if active.size else 0
-    _, latency = latencies(run)
+    latency = latencies(run)
     begin, end = statuses.stamp_ns[tracking][[0, -1]] if tracking.any() else (0, -1)
     last = {'state': 'idle', 'reason': 'the servo did not run', 'reason_code': 'none',
             'missed_cycles': 0}
@@ -229,32 +228,25 @@ def of_servo(run: RunData, scene: str) -> dict[str, Any]:
     }
 
 
-class ForceSeries(NamedTuple):
-    """Force over time of a recording, arrays `(N,)`."""
-
-    stamp_ns: np.ndarray
-    force: np.ndarray  # zeroth moment, in `unit`
-    unit: str
-    type: np.ndarray  # numbers of Contact.msg
-    centre_of_pressure: np.ndarray  # (N, 2) [m]
-
-
-def force_series(run: RunData) -> ForceSeries:
-    """Return force and centre of pressure, from contacts or else from the images' moments."""
-    unit = {'Pa': 'N', '': 'N'}.get(run.images.unit, f'{run.images.unit} m^2')
-    contacts = run.contacts
-    if np.isfinite(contacts.m0).any():
-        return ForceSeries(contacts.stamp_ns, contacts.m0, unit, contacts.type,
-                           contacts.centre_of_pressure)
-    stamps, array = run.images.stamp_ns, run.images.array  # None without frames
-    moments = [image_moments(frame, array) for frame in run.images.frames] if array else []
-    return ForceSeries(
-        stamps, np.array([each.m0 for each in moments]), unit,
-        np.full(len(stamps), int(ContactType.OTHER)),
-        np.array([each.centre_of_pressure for each in moments]).reshape(-1, 2))
+def pressed(run: RunData) -> np.recarray:
+    """Return the contacts or, if these are without moments, a contact of them for each image."""
+    if np.isfinite(run.contacts.m0).any():
+        return run.contacts
+    images, array = run.images, run.images.array  # None without images
+    moments = [image_moments(frame, array) for frame in images.frames] if array else []
+    found = np.zeros(len(moments), CONTACTS.dtype).view(np.recarray)
+    found.stamp_ns, found.type = images.stamp_ns, ContactType.OTHER
+    for row, it in zip(found, moments, strict=True):
+        row.m0, row.centre_of_pressure = it.m0, it.centre_of_pressure
+    return found
 
 
-def force_unit(unit: str) -> tuple[float, str]:
+def force_unit(run: RunData) -> str:
+    """Return the unit of the zeroth moments: N only for a calibrated sensor."""
+    return 'N' if run.images.unit in ('Pa', '') else f'{run.images.unit} m^2'
+
+
+def to_show(unit: str) -> tuple[float, str]:
     """Return factor and unit to show forces of a unit: N, or counts mm^2."""
     return (1.0, 'N') if unit == 'N' else (1e6, unit.replace('m^2', 'mm\u00b2'))
 
@@ -271,17 +263,17 @@ def summarise_recording(run: RunData) -> dict[str, Any]:
 
     Forces are in `force_unit`, which is N only for a calibrated sensor.
     """
-    series, images, stamps = force_series(run), run.images, run.stamps['image']
+    series, images, stamps = pressed(run), run.images, run.stamps['image']
     force, centre = NAN, [NAN, NAN]
-    if np.isfinite(series.force).any():
-        strongest = int(np.nanargmax(series.force))
-        force, centre = series.force[strongest], series.centre_of_pressure[strongest].tolist()
+    if np.isfinite(series.m0).any():
+        strongest = int(np.nanargmax(series.m0))
+        force, centre = series.m0[strongest], series.centre_of_pressure[strongest].tolist()
     return {
-        'ok': bool(len(images.stamp_ns) and len(series.force)),
+        'ok': bool(len(images.stamp_ns) and len(series)),
         'reason': '' if len(images.stamp_ns) else 'no pictures arrived',
         'sensor': run.info.sensor if run.info else '',
         'rows': images.frames.shape[1], 'columns': images.frames.shape[2],
-        'force_unit': series.unit, 'force_max': force, 'force_max_centre': centre,
+        'force_unit': force_unit(run), 'force_max': force, 'force_max_centre': centre,
         'duration': span(stamps), 'frames': len(stamps), 'lost_frames': lost_images(run),
         'sensor_rate': rate(stamps),
         'contact_types': {kind.name.lower(): int(np.count_nonzero(series.type == kind))
@@ -299,6 +291,6 @@ def describe_recording(summary: Mapping[str, Any]) -> str:
                       if count) or 'none'
     if not math.isfinite(summary['force_max']):
         return text
-    (factor, unit), (x, y) = force_unit(summary['force_unit']), summary['force_max_centre']
+    (factor, unit), (x, y) = to_show(summary['force_unit']), summary['force_max_centre']
     return (f'{text}; largest force {factor * summary["force_max"]:.4g} {unit} at '
             f'({1e3 * x:+.2f}, {1e3 * y:+.2f}) mm')

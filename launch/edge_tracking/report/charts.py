@@ -4,18 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from edge_tracking.recording import summary as of_run
 from edge_tracking.recording.run import RunData
-from edge_tracking.recording.summary import (
-    force_series,
-    force_unit,
-    ForceSeries,
-    held,
-    latencies,
-    newest,
-    settled_cycles,
-    Shown,
-    stages,
-)
+from edge_tracking.recording.summary import held, newest, Shown
 from edge_tracking.web.page import levels, packed
 from tactile_common.polyline import arc_length
 from tactile_sensing.types.contact import ContactType
@@ -79,7 +70,8 @@ def _place_on_pad(it: Shown) -> np.ndarray:
 def over_time(it: Shown) -> list[dict[str, Any]]:
     """Return charts of the contact's place on the pad, measured and true, and of the force."""
     run, statuses, real = it.run, it.run.statuses, it.real
-    time, (tracking, settled) = run.seconds(statuses.stamp_ns), settled_cycles(statuses)
+    time = run.seconds(statuses.stamp_ns)
+    tracking, settled = of_run.settled_cycles(statuses)
     felt = np.column_stack([statuses.lateral_error, statuses.longitudinal_error])
     felt = np.where(tracking[:, None], 1e3 * felt, np.nan)
     series = [line(f'{"xy"[axis]} by touch', (time, felt[:, axis]), TOUCH[axis])
@@ -94,7 +86,7 @@ def over_time(it: Shown) -> list[dict[str, Any]]:
     begin = [[True, float(time[np.argmax(settled)]), '', GREY]] if settled.any() else []
     active = time[statuses.state != State.IDLE]
     bands = [[float(run.seconds(stage.begin)), float(run.seconds(stage.end)), SHADES[stage.state]]
-             for stage in stages(run) if stage.state in SHADES]
+             for stage in of_run.stages(run) if stage.state in SHADES]
     common = {'bands': bands, 'domain': active[[0, -1]].tolist()}
     off = 'off centre [mm]'
     return [
@@ -114,9 +106,8 @@ def _around(values: np.ndarray) -> list[float] | None:
 
 def _force(it: Shown, begin: list[Any]) -> dict[str, Any]:
     run, contacts, real = it.run, it.run.contacts, it.real
-    felt = force_series(run)
-    scale, unit = force_unit(felt.unit)
-    stamps, force = felt.stamp_ns, felt.force
+    (scale, unit), felt = of_run.to_show(of_run.force_unit(run)), of_run.pressed(run)
+    stamps, force = felt.stamp_ns, felt.m0
     touching = contacts.type != ContactType.NONE
     if 2 * contacts.force_valid[touching].sum() > touching.sum():
         stamps = contacts.stamp_ns
@@ -134,7 +125,7 @@ def _force(it: Shown, begin: list[Any]) -> dict[str, Any]:
 
 def latency(it: Shown) -> list[dict[str, Any]]:
     """Return a histogram of the time from an image's last byte to the command that used it."""
-    values, summary = 1e3 * latencies(it.run)[1], it.summary
+    values, summary = 1e3 * of_run.latencies(it.run), it.summary
     period = 1e3 / summary['sensor_rate'] if summary['sensor_rate'] > 0 else np.nan
     right = 1.1 * float(np.nanmax([period, np.percentile(values, 99.8)]))
     left = min(0.0, float(values.min()))
@@ -203,18 +194,18 @@ def curvatures(run: RunData) -> list[dict[str, Any]]:
         for axis in (0, 1)])]
 
 
-def pressed(run: RunData, series: ForceSeries) -> list[dict[str, Any]]:
+def pressed(run: RunData) -> list[dict[str, Any]]:
     """Return the force, and the centre of pressure over time and on the array."""
-    scale, unit = force_unit(series.unit)
+    (scale, unit), series = of_run.to_show(of_run.force_unit(run)), of_run.pressed(run)
     time, centre = run.seconds(series.stamp_ns), 1e3 * series.centre_of_pressure
-    loaded = series.force > 0.1 * np.nanmax(series.force, initial=0.0)
+    loaded = series.m0 > 0.1 * np.nanmax(series.m0, initial=0.0)
     moves = np.where(loaded[:, None], centre, np.nan)
     array = run.images.array
     frame = [line('array', (500.0 * array.size_x * CORNERS[0], 500.0 * array.size_y * CORNERS[1]),
                   GREY)] if array else []
     return [
         chart('Force', 'time [s]', f'force [{unit}]', [
-            line('', (time, scale * series.force), BLUE)]),
+            line('', (time, scale * series.m0), BLUE)]),
         chart('Centre of pressure', 'time [s]', 'place [mm]', [
             line('xy'[axis], (time, moves[:, axis]), (BLUE, ORANGE)[axis]) for axis in (0, 1)]),
         chart('Centre of pressure on the array, equal axes', 'x [mm]', 'y [mm]', [
@@ -239,8 +230,8 @@ def chosen(run: RunData, pages: int = 1) -> np.ndarray:
 
 def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
     """Return the data of a run at some stamps [ns] for the script `player.js`, as JSON types."""
-    images, contacts, found = run.images, run.contacts, stages(run)
-    array, series = images.array, force_series(run)
+    images, contacts, found = run.images, run.contacts, of_run.stages(run)
+    array, series = images.array, of_run.pressed(run)
     frames = images.frames[newest(images.stamp_ns, stamps)] if array else images.frames[:0]
     top = float(np.nanmax(frames, initial=0.0))
     placed = np.column_stack([contacts.x, contacts.y, contacts.yaw])
@@ -248,8 +239,8 @@ def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
     centre = ~contacts.valid & (contacts.type > 0)
     placed[centre, :2] = contacts.centre_of_pressure[centre]
     touched = run.touches.matrix[:, :3, 3] if len(run.touches) else run.contour
-    force = held(series.stamp_ns, series.force, stamps, np.nan)
-    scale, unit = force_unit(series.unit)
+    force = held(series.stamp_ns, series.m0, stamps, np.nan)
+    scale, unit = of_run.to_show(of_run.force_unit(run))
     return {
         'rows': array.rows if array else 0, 'columns': array.columns if array else 0,
         'pitch': [float(array.pitch_x), float(array.pitch_y)] if array else [1.0, 1.0],

@@ -14,18 +14,9 @@ from typing import Any
 import numpy as np
 
 from edge_tracking.parameters import NODES, parameters_of
+from edge_tracking.recording import summary as of_run
 from edge_tracking.recording.run import RunData
-from edge_tracking.recording.summary import (
-    describe_recording,
-    force_series,
-    is_of_servo,
-    latencies,
-    lost_images,
-    read,
-    rebuilt_outline,
-    Shown,
-    stages,
-)
+from edge_tracking.recording.summary import Shown
 from edge_tracking.report import charts
 from edge_tracking.web import page as html
 from tactile_common.atomic_file import replacing
@@ -65,7 +56,7 @@ def make_report(path: str | Path, *recordings: Shown) -> None:
 
 
 def _head(it: Shown) -> str:
-    summary, of_servo = it.summary, it.scene or is_of_servo(it.run)
+    summary, of_servo = it.summary, it.scene or of_run.is_of_servo(it.run)
     verdict = 'Recording of a sensor' if summary['ok'] else 'No images'
     if of_servo:
         law = LAWS.get(summary['law'])
@@ -138,12 +129,12 @@ def _lead(summary: Mapping[str, Any]) -> str:
     if not summary.get('approach_recorded', True):
         text += ' No image was recorded before first contact: the recording began late.'
     if summary.get('frames', 0) > 1:
-        text += f' {describe_recording(summary)}.'
+        text += f' {of_run.describe_recording(summary)}.'
     return text
 
 
 def _sections(it: Shown, columns: int) -> Iterator[Section]:
-    run, of_servo, series = it.run, is_of_servo(it.run), force_series(it.run)
+    run, of_servo, stamps = it.run, of_run.is_of_servo(it.run), of_run.pressed(it.run).stamp_ns
     yield from _player(run, columns)
     if of_servo:
         yield 'Error and force', html.charts(charts.over_time(it)), (
@@ -154,13 +145,13 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
             + ' Coloured: other states than tracking, see there.')
         yield from _states(run)
     yield from _shape(it)
-    if not of_servo and len(series.stamp_ns):
-        yield 'Force and centre of pressure', html.charts(charts.pressed(run, series)), (
+    if not of_servo and len(stamps):
+        yield 'Force and centre of pressure', html.charts(charts.pressed(run)), (
             'Force is the zeroth moment of the picture. Without a calibration it is in counts '
             'times area and says nothing about newtons. The centre of pressure is shown where the '
-            f'force is above a tenth of its largest value. This recording: {len(series.stamp_ns)} '
-            f'contacts in {1e-9 * np.ptp(series.stamp_ns):.1f} s.')
-    if len(latencies(run)[1]):
+            f'force is above a tenth of its largest value. This recording: {len(stamps)} '
+            f'contacts in {1e-9 * np.ptp(stamps):.1f} s.')
+    if len(of_run.latencies(run)):
         yield 'Latency', html.charts(charts.latency(it)), (
             'From the last byte of an image at the driver to the end of the first control cycle '
             'that used it. Later ones than the axis shows are in its last bar.')
@@ -185,14 +176,14 @@ def _player(run: RunData, columns: int) -> Iterator[Section]:
 
 def _states(run: RunData) -> Iterator[Section]:
     rows = [(f'{run.seconds(stage.begin):.3f}', f'{1e-9 * (stage.end - stage.begin):.3f}',
-             stage.state.name.lower(), stage.reason) for stage in stages(run)]
+             stage.state.name.lower(), stage.reason) for stage in of_run.stages(run)]
     yield 'States', html.table(rows[:MOST_ROWS], ('from [s]', 'for [s]', 'state', 'reason')), (
         f'This run: {len(rows)} states' + (
             f', of which the first {MOST_ROWS} are listed.' if len(rows) > MOST_ROWS else '.'))
 
 
 def _shape(it: Shown) -> Iterator[Section]:
-    run, found = it.run, rebuilt_outline(it.run) if 'sides' in it.summary else None
+    run, found = it.run, of_run.rebuilt_outline(it.run) if 'sides' in it.summary else None
     if it.scene and it.scene.action == 'track_surface':
         yield 'The surface that was felt', html.charts(charts.felt(it)), (
             'Contacts, and their distance from the true surface, which only the mock sensor '
@@ -226,7 +217,7 @@ def _rates(run: RunData) -> Iterator[Section]:
         'By the stamps of all messages; all else is of those that were read.' + (
             f' From a stamp to the publication of its contact: {percentile(late):.2f} ms in the '
             f'median, {percentile(late, 99):.2f} ms at 99 %.' if len(late) else '')
-        + f' This run: {lost_images(run)} lost images.')
+        + f' This run: {of_run.lost_images(run)} lost images.')
 
 
 def parser() -> argparse.ArgumentParser:
@@ -253,7 +244,7 @@ def main(argv: list[str] | None = None) -> int:
         if len(options.bags) > 2:
             raise ConfigurationError(f'{len(options.bags)} recordings; one or two are shown')
         scene = load_scene(options.scene) if options.scene else None
-        recordings = [read(path, scene, options.namespace) for path in options.bags]
+        recordings = [of_run.read(path, scene, options.namespace) for path in options.bags]
         make_report(options.out, *recordings)
         for it in recordings if options.json else ():
             print(to_json(it.summary))
