@@ -101,23 +101,22 @@ class ServoLaw(Protocol):
     name: ClassVar[str]
     goal_type: ClassVar[type]
     config_type: ClassVar[type]
-    sees_images: ClassVar[bool]  # whether it observes images in addition to contacts
-    even: ClassVar[bool]  # whether the stiffness that it knows is the same all the way
-    near: ClassVar[float]  # lateral error [tactels] above which an image counts as beside
-
-    @property
-    def stiffness(self) -> float: ...  # total, of skin, finger and robot [N/m]
-    def depth(self, force: float) -> float: ...  # for a force [N], from an arbitrary zero [m]
-    @property
-    def unfelt(self) -> float: ...  # force implied by the depth beyond the measured force [N]
-    @property
-    def press(self) -> PressCheck | None: ...  # None if the law has none
-    @property
-    def touch(self) -> Touch | None: ...  # newest, if the law maps a surface; else None
-    @property
-    def error(self) -> TaskError | None: ...  # last observed; None before the first observation
+    sees_images: ClassVar[bool] = True  # whether it observes images in addition to contacts
+    even: ClassVar[bool] = True  # whether the stiffness that it knows is the same all the way
+    near: ClassVar[float] = 1.0  # lateral error [tactels] above which an image counts as beside
+    stiffness: float  # total, of skin, finger and robot [N/m]
+    press: PressCheck | None = None
+    touch: Touch | None = None  # last one, if the law maps a surface
+    error: TaskError | None = None  # last observed
 
     def __init__(self, servo: ServoConfig, config: Any = None) -> None: ...
+
+    def depth(self, force: float) -> float:
+        """Return the depth [m] for a force [N], from an arbitrary zero."""
+
+    @property
+    def unfelt(self) -> float:
+        """Force that the depth implies beyond the measured force [N]."""
 
     def retune(self, config: Any) -> None:
         """Use a new configuration from now on; only its `live` fields may differ."""
@@ -149,6 +148,7 @@ class ServoLaw(Protocol):
 
     def result(self) -> LawResult:
         """Return the result of the goal so far."""
+        return LawResult()
 
 
 @runtime_checkable

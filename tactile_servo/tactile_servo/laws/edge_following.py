@@ -7,7 +7,6 @@ import numpy as np
 
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import image_patience, ServoConfig, STALE_AFTER
-from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.press_test import PRESSED
 from tactile_servo.control.progress import LapGuard, Stall
 from tactile_servo.edge_map.traced_path import PathEnd
@@ -18,18 +17,10 @@ from tactile_servo.law import (
     Observation,
     Reference,
     Refusal,
-    Touch,
     UNPLACED,
 )
 from tactile_servo.laws.edge_config import EdgeFollowingConfig
-from tactile_servo.laws.edge_goal import (
-    edge_end,
-    goal_end,
-    refuse_edge_goal,
-    SKIN_STIFFNESS,
-    skin_stiffness_of,
-    total_stiffness,
-)
+from tactile_servo.laws.edge_law import EdgeLaw, SKIN_STIFFNESS, skin_stiffness_of, total_stiffness
 from tactile_servo.laws.edge_modes import (
     Coasting,
     END_MARGIN,
@@ -42,7 +33,7 @@ from tactile_servo.laws.edge_motion import EdgeMotion
 from tactile_servo.laws.edge_sight import EdgeSight
 from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.types import EdgeGoal, State, TaskError
+from tactile_servo.types import EdgeGoal, State
 
 LARGE_YAW = 2.0  # degrees beyond which a turn of the mounting is named
 ADVANCE = 0.5  # grains, advance that counts as progress
@@ -52,9 +43,9 @@ KEPT = 0.25  # share of the goal's force that a skin that creeps may keep withou
 STALE = 1.5
 
 
-class EdgeFollowing:
+class EdgeFollowing(EdgeLaw):
     """
-    Follow the edge mapped from images, using the robot's own pose; a `ServoLaw`.
+    Follow the edge mapped from images, using the robot's own pose.
 
     The points of every image are transformed into a plane fixed in the base, with the pose at the
     image's stamp. Latency therefore delays only the view ahead; it is not part of the loop.
@@ -63,12 +54,7 @@ class EdgeFollowing:
     """
 
     name: ClassVar[str] = 'trace'
-    goal_type: ClassVar[type] = EdgeGoal
     config_type: ClassVar[type] = EdgeFollowingConfig
-    sees_images: ClassVar[bool] = True
-    even: ClassVar[bool] = True
-    near: ClassVar[float] = 1.0
-    touch: Touch | None = None
 
     def __init__(self, servo: ServoConfig, config: EdgeFollowingConfig | None = None):
         self.servo, self.config = servo, config or EdgeFollowingConfig()
@@ -79,6 +65,7 @@ class EdgeFollowing:
         self.goal, self.stiffness = goal, stiffness
         self._contact_force = max(self.servo.approach.contact_force, KEPT * goal.force)
         self.sight = EdgeSight(goal, skin_stiffness, self._contact_force)
+        self.press, self.error = self.sight.press, None
         self._motion = EdgeMotion(self.config, goal, self.sight, stiffness)
         self._laps, self._stall = LapGuard(), Stall()
         self._here = self._ahead = 0.0  # stations of the measured and the commanded pose [m]
@@ -98,26 +85,14 @@ class EdgeFollowing:
         self.config = config
         self._motion.retune(config)
 
-    @property
-    def error(self) -> TaskError | None:
-        return self.sight.error
-
     def depth(self, force: float) -> float:
         """Return the indentation [m] for a force [N], with the edge length under the pad."""
         return self._motion.depth(force)
 
-    @property
-    def press(self) -> PressCheck:
-        return self.sight.press
-
-    @property
-    def unfelt(self) -> float:
-        return self.press.unexplained / self.depth(1.0)
-
     def validate(self, goal: EdgeGoal) -> Refusal | None:
         if goal.closed and goal.length > 0.0:
             return Refusal(ReasonCode.INVALID_GOAL, 'a closed contour has no length; let it be 0')
-        return refuse_edge_goal(goal)
+        return super().validate(goal)
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
         self._stale = image_patience(sensor.nominal_rate)
@@ -128,7 +103,7 @@ class EdgeFollowing:
 
     def resume(self) -> None:
         self._motion.reset()
-        self.sight.press.forget()
+        self.press.forget()
         self._stall.seen = None
         # A pad that was lifted off touches lightly at first.
         self._pressed &= self.sight.load.force >= self._contact_force
@@ -145,6 +120,7 @@ class EdgeFollowing:
         # Until the pad moves along the edge, every image begins a new path.
         if pose is not None and self.sight.see(observation, pose, self._ahead, not self._begun):
             self._ahead = self._here = self.sight.edge.station
+        self.error = self.sight.error
 
     def lacks(self, now: float) -> Reason | None:
         if now - self.sight.shown < self._stale:
@@ -152,8 +128,7 @@ class EdgeFollowing:
         return UNPLACED if self._unplaced else self.sight.problem or Reason(ReasonCode.EDGE_LOST)
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
-        self._progress, yaw = progress, math.degrees(self.sight.edge.yaw_error)
-        found = goal_end(self.goal, self._laps, progress, self._assess(now, progress, load))
+        found, yaw = super().assess(now, progress, load), math.degrees(self.sight.edge.yaw_error)
         if not found.success or abs(yaw) < LARGE_YAW:
             return found
         return done(found.reason.code, 'the sensor seems to be mounted with a turn of '
@@ -178,7 +153,7 @@ class EdgeFollowing:
         tilted = self.sight.lifted and isinstance(self._mode, Following) and lacking is None
         if path.end is PathEnd.RIDGE and self._ahead >= path.tip - END_MARGIN * scale.grain and (
                 self._pressed or lacking is not None) and not tilted:
-            return self._at_end(progress, load)
+            return self._at_end(load)
         self._coasting = Coasting()
         if lacking is None:
             self._find()
@@ -192,7 +167,7 @@ class EdgeFollowing:
             return Assessment(State.HOLD, lacking)
         return self._search(self._searching)
 
-    def _at_end(self, progress: float, load: float) -> Assessment:
+    def _at_end(self, load: float) -> Assessment:
         """Decide at the end of the ridge: coast over a gap, go down a step, or end."""
         touching = load >= self.servo.approach.contact_force
         scale, coasting = self.sight.edge.scale, self._coasting
@@ -203,11 +178,11 @@ class EdgeFollowing:
             return done(ReasonCode.EDGE_LOST, 'the ridge ends, but the pad is pressed')
         if not self._reaching.over:
             return self._search(self._reaching)
-        return edge_end(self.goal, progress)
+        return self._end_of_edge()
 
     def _search(self, mode: Mode) -> Assessment:
         self._mode = mode
-        self.sight.press.forget()  # the edge found next may lie deeper
+        self.press.forget()  # the edge found next may lie deeper
         return Assessment(State.SEARCH, mode.reason)
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, robot: Motion,

@@ -18,18 +18,9 @@ from tactile_servo.control.scaling import clipped, ramp, slewed
 from tactile_servo.control.stability import AGE_SHARE, DEAD_TIME, LAG, stable_gain
 from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.image_order import ImageOrder
-from tactile_servo.law import (
-    Assessment,
-    done,
-    LawResult,
-    Observation,
-    overforce,
-    Reference,
-    Refusal,
-    Touch,
-)
+from tactile_servo.law import Assessment, done, Observation, overforce, Reference, Refusal
 from tactile_servo.laws.edge_features import edge_features, EdgeFeatures
-from tactile_servo.laws.edge_goal import edge_end, goal_end, refuse_edge_goal, total_stiffness
+from tactile_servo.laws.edge_law import EdgeLaw, total_stiffness
 from tactile_servo.motion.motion import COMMITTED, Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State, TaskError
@@ -108,28 +99,22 @@ def edge_twist(features: EdgeFeatures, speed: float, force: float, stiffness: fl
         rate(features.yaw, across.segment_time, TURN)])
 
 
-class ResolvedRate:
+class ResolvedRate(EdgeLaw):
     """
-    Control the features of the newest contact towards their wanted values; a `ServoLaw`.
+    Control the features of the newest contact towards their wanted values.
 
     The age of the images is a dead time in the control loops, so T_seg increases with it:
     `shortest` is the least T_seg with a sufficient margin of stability [s].
     """
 
     name: ClassVar[str] = 'resolved_rate'
-    goal_type: ClassVar[type] = EdgeGoal
     config_type: ClassVar[type] = ResolvedRateConfig
     sees_images: ClassVar[bool] = False
-    even: ClassVar[bool] = True
-    near: ClassVar[float] = 1.0
-    touch: Touch | None = None
-    goal: EdgeGoal  # set by `begin`
     _array: TactelArray  # set by `begin`
 
     def __init__(self, servo: ServoConfig, config: ResolvedRateConfig | None = None):
         self.servo, self.config = servo, config or ResolvedRateConfig()
         self.features, self._begun, self._stale = UNKNOWN, False, STALE_AFTER
-        self.error: TaskError | None = None
         self.stiffness = math.nan  # set by `begin`
         self._age, self.shortest, self._looked = MAX_STAMP_AGE, math.inf, -math.inf
         self._shown, self._problem, self._speed = -math.inf, '', 0.0
@@ -143,7 +128,7 @@ class ResolvedRate:
         if goal.closed:
             return Refusal(ReasonCode.UNSUPPORTED_GOAL,
                            'closed contours are not tracked without a map of them')
-        return refuse_edge_goal(goal)
+        return super().validate(goal)
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
         self.goal, self._array = goal, sensor.array
@@ -204,18 +189,10 @@ class ResolvedRate:
     def depth(self, force: float) -> float:
         return force / self.stiffness
 
-    @property
-    def unfelt(self) -> float:
-        return self.stiffness * self.press.unexplained
-
     def lacks(self, now: float) -> Reason | None:
         if now - self._shown < self._stale:
             return None
         return Reason(ReasonCode.EDGE_LOST, self._problem)
-
-    def assess(self, now: float, progress: float, load: float) -> Assessment:
-        self._progress = progress
-        return goal_end(self.goal, self._laps, progress, self._assess(now, progress, load))
 
     def _assess(self, now: float, progress: float, load: float) -> Assessment:
         goal, array = self.goal, self._array
@@ -233,7 +210,7 @@ class ResolvedRate:
             aside = abs(self.features.lateral)
             if aside > MISSED * array.half_width_x:
                 return done(ReasonCode.ENDED_BESIDE, f'{1e3 * aside:.1f} mm')
-            return edge_end(goal, progress)
+            return self._end_of_edge()
         return Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, robot: Motion,
@@ -245,6 +222,3 @@ class ResolvedRate:
         heading = [goal.direction * way for way in pose[:3, 1].tolist()]
         self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), heading, self._progress)
         return Reference(twist, self._speed, heading)
-
-    def result(self) -> LawResult:
-        return LawResult()

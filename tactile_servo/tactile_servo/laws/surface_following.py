@@ -29,17 +29,11 @@ from tactile_servo.law import (
     overforce,
     Reference,
     Refusal,
-    Touch,
+    ServoLaw,
     UNPLACED,
 )
 from tactile_servo.laws.surface_config import SurfaceConfig
-from tactile_servo.laws.surface_features import (
-    between,
-    ContactSense,
-    Felt,
-    Lessons,
-    PadContact,
-)
+from tactile_servo.laws.surface_features import between, ContactSense, Felt, Lessons, PadContact
 from tactile_servo.laws.surface_goal import (
     Pattern,
     plan_path,
@@ -85,9 +79,9 @@ class Going:
         self.aim = self.wanted[0]
 
 
-class SurfaceFollowing:
+class SurfaceFollowing(ServoLaw):
     """
-    Follow a surface with the tactile Jacobian and the robot's own pose; a `ServoLaw`.
+    Follow a surface with the tactile Jacobian and the robot's own pose.
 
     The probe turns about its centre to bring the contact to the wanted place on the pad. It moves
     along the contact's normal to keep the force, and at right angles to it over the surface. The
@@ -98,11 +92,11 @@ class SurfaceFollowing:
     name: ClassVar[str] = 'tactile_jacobian'
     goal_type: ClassVar[type] = SurfaceGoal
     config_type: ClassVar[type] = SurfaceConfig
-    sees_images: ClassVar[bool] = True
     even: ClassVar[bool] = False  # on the rim of a step it is less
     near: ClassVar[float] = math.inf  # a contact may be anywhere on the pad
     # Set by `begin`:
     goal: SurfaceGoal
+    press: PressCheck
     _dome: Dome
     _sense: ContactSense
     _surface: SurfaceFilter
@@ -115,17 +109,13 @@ class SurfaceFollowing:
         path = self.config.jacobian.table
         self._table = load_table(path) if path else None
         self._lessons = Lessons(self._table)
-        self.error: TaskError | None = None
+        self.stiffness = math.nan  # set by `begin`
         self.press, self._record = PressCheck(), Record(self.config.probe)
 
     def retune(self, config: SurfaceConfig) -> None:
         self.config = config
         if self._begun:
             self._motion.retune(config)
-
-    @property
-    def stiffness(self) -> float:
-        return self.config.probe.stiffness(self.goal.force)
 
     def validate(self, goal: SurfaceGoal) -> Refusal | None:
         try:
@@ -145,9 +135,10 @@ class SurfaceFollowing:
         layer = pressure_layer(sensor.layers)
         depth = layer.depth if layer else 0.0
         self._dome = Dome(radius, radius - depth, radius - 2.0 * depth)
-        self.goal, self.error, self._begun = goal, None, True
+        self.goal, self.error, self.touch, self._begun = goal, None, None, True
         self._stale = image_patience(sensor.nominal_rate)
         self._sense = ContactSense(sensor.array, self._dome, self.config, goal.force, self._table)
+        self.stiffness = self._sense.stiffness
         features = self._lessons.named(goal.features, goal.force) or [self._sense.centred]
         self._going = Going([self._sense.contact_of(shown) for shown in features])
         self._surface, self.press, self._record = (
@@ -192,6 +183,7 @@ class SurfaceFollowing:
             self.press.see(pose, felt.centre, felt.normal, depth, whole)
             self._record.keep(
                 observation.stamp_ns, felt, float(off @ off), self._surface.normal, whole)
+            self.touch = self._record.newest
 
     def depth(self, force: float) -> float:
         return self._sense.depth(force)
@@ -271,10 +263,6 @@ class SurfaceFollowing:
         press = motion.press(pose, commanded, felt, going.aim, wanted,
                              depth if going.met else None, dt)
         return motion.twist(way, normal, press, commanded, going.aim, robot, dt)
-
-    @property
-    def touch(self) -> Touch | None:
-        return self._record.newest
 
     def result(self) -> SurfaceResult:
         return self._record.result()
