@@ -71,8 +71,7 @@ def _follow_an_edge(motion: Motion) -> None:
         noise = NOISE if station < stations[-1] else 10.0 * NOISE
         layer = _layer(pose[:2, 3], stations, noise * rng.standard_normal(ARRAY.shape), noise)
         image = TactileImage(count, count, (layer,), ARRAY, True)
-        at = {count: pose}
-        law.observe(Observation(count, now, 0.0, at.get, image=image))
+        law.observe(Observation(count, now, 0.0, pose, image=image))
         if law.lacks(now) is None:
             law.assess(now, station, FORCE)
             law.reference(pose, pose, motion, 0.0025)

@@ -1,6 +1,6 @@
 """Interface between the supervisor and a servo law, and the data that they exchange."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
@@ -28,13 +28,9 @@ class Observation:
     stamp_ns: int  # of the image
     arrival: float  # steady time [s]
     age: float  # relative to the newest joint state at its arrival [s]; inf if unknown
-    locate: Callable[[int], np.ndarray | None]  # gives the sensor's measured pose at a stamp [ns]
+    pose: np.ndarray | None  # (4, 4), of the sensor at the stamp, measured; None if unknown
     image: TactileImage | None = None
     contact: Contact | None = None
-
-    def pose(self) -> np.ndarray | None:
-        """Return the sensor's pose (4, 4) in the base frame at the stamp; None if unknown."""
-        return self.locate(self.stamp_ns)
 
 
 class Touch(NamedTuple):

@@ -121,7 +121,8 @@ class Supervisor:
     def _observe(self, stamp_ns: int, arrival: float, image: TactileImage | None = None,
               contact: Contact | None = None) -> None:
         self.law.observe(Observation(
-            stamp_ns, arrival, self.inputs.age(stamp_ns), self.inputs.pose_at, image, contact))
+            stamp_ns, arrival, self.inputs.age(stamp_ns), self.inputs.pose_at(stamp_ns), image,
+            contact))
         if self.run is not None and self.law.sees_images == (image is not None):
             self.run.observed = arrival
 

@@ -210,7 +210,7 @@ def test_a_table_on_disk_is_used_and_a_wrong_one_refused(tmp_path):
     config = SurfaceConfig(jacobian=JacobianConfig(str(path)))
     law = SurfaceFollowing(ServoConfig(), config)
     law.begin(GOAL, Calibration(ARRAY, depth=DOME.depth).sensor_info('pad', '', 0))
-    law.observe(Observation(0, 0.0, 0.0, lambda _: np.eye(4), image_of((2e-3, 1e-3), FORCE)))
+    law.observe(Observation(0, 0.0, 0.0, np.eye(4), image_of((2e-3, 1e-3), FORCE)))
     assert (law.error.lateral, law.error.longitudinal) == pytest.approx((2e-3, 1e-3), abs=3e-4)
     path.write_text('nonsense')
     with pytest.raises(ValueError, match='table.npz'):
@@ -248,7 +248,7 @@ def law():
 
 
 def see(law, image):
-    law.observe(Observation(0, 0.0, 0.0, lambda _: np.eye(4), image))
+    law.observe(Observation(0, 0.0, 0.0, np.eye(4), image))
     return law.error
 
 

@@ -55,7 +55,7 @@ def seen_late(age, contact=None, pictures=100, goal=GOAL):
     law = ResolvedRate(ServoConfig())
     law.begin(goal, PAD)
     for k in range(pictures):
-        law.observe(Observation(0, k * PICTURE, age, lambda _: None, contact=contact or line()))
+        law.observe(Observation(0, k * PICTURE, age, None, contact=contact or line()))
     return law, (pictures - 1) * PICTURE
 
 

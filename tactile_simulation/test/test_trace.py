@@ -292,7 +292,7 @@ def test_unusable_pictures_are_passed_over_with_a_reason():
             ((replace(good, stress=np.zeros((3, 3))),), True, ReasonCode.BAD_IMAGE),
             ((replace(good, stress=np.full(array.shape, np.nan)),), True,
              ReasonCode.BAD_IMAGE)):
-        law.observe(Observation(1, 0.0, 0.0, lambda _: np.eye(4),
+        law.observe(Observation(1, 0.0, 0.0, np.eye(4),
                                 image=TactileImage(1, 0, layers, array, tared=tared)))
         assert law.lacks(0.0).detail and law.lacks(0.0).code == code
 

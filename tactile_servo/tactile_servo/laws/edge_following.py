@@ -115,7 +115,7 @@ class EdgeFollowing(EdgeLaw):
             if observation.contact is not None:
                 self.sight.refine(observation, observation.contact)
             return
-        pose = observation.pose()
+        pose = observation.pose
         self._unplaced = pose is None
         # Until the pad moves along the edge, every image begins a new path.
         if pose is not None and self.sight.see(observation, pose, self._ahead, not self._begun):

@@ -61,7 +61,7 @@ class EdgeSight:
         picture, load = self.edge.picture, self.load
         if picture is None:
             return
-        self.order.see(contact, observation.pose(), picture.scale)
+        self.order.see(contact, observation.pose, picture.scale)
         if (observation.stamp_ns == picture.stamp_ns
                 and contact.force_valid and contact.type == ContactType.LINE
                 and abs(contact.normal_force - load.force) < FIT_DIFFERENCE * load.force):

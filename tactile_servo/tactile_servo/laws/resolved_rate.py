@@ -8,7 +8,7 @@ import numpy as np
 
 from tactile_common.config import bounded
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import ContactType
+from tactile_sensing.types.contact import Contact, ContactType
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import image_patience, MAX_STAMP_AGE, ServoConfig, STALE_AFTER
 from tactile_servo.control.press_check import PressCheck
@@ -161,30 +161,29 @@ class ResolvedRate(EdgeLaw):
         self._looked = arrival
         if not self._begun:
             return
-        self._order.see(
-            observation.contact, observation.pose(), PadScale.of(self._array, 0.0))
-        features, self._problem = edge_features(
-            observation.contact, self._array, self.stiffness)
+        contact, pose = observation.contact, observation.pose
+        self._order.see(contact, pose, PadScale.of(self._array, 0.0))
+        features, self._problem = edge_features(contact, self._array, self.stiffness)
         if features is not None:
             self.features, self._shown = features, arrival
             self.error = TaskError(features.lateral, angle=features.yaw, force=features.force)
-            self._compare_depth(observation, features)
+            self._compare_depth(contact, pose, features)
         if self.features is not UNKNOWN:  # the speed along the edge is added in `reference`
             self._twist = edge_twist(self.features, 0.0, self.goal.force, self.stiffness,
                                      self.config, self.shortest)
             self._slowed = speed_factor(self.features, self._array.half_width_x, self.goal.force)
 
-    def _compare_depth(self, observation: Observation, features: EdgeFeatures) -> None:
-        contact, pose = observation.contact, observation.pose()
-        if contact is None or pose is None or not (contact.valid and contact.force_valid):
+    def _compare_depth(self, contact: Contact, pose: np.ndarray | None,
+                       features: EdgeFeatures) -> None:
+        if pose is None or not (
+                contact.valid and contact.force_valid and contact.type == ContactType.LINE):
             return
-        if contact.type == ContactType.LINE:  # K_z = 2 L k; valid for any length under the pad
-            up = [0.0, math.sin(features.tilt), math.cos(features.tilt)]
-            length = 2.0 * self._array.half_width_y
-            at = pose @ [features.lateral, features.remaining, 0.0, 1.0]
-            self.press.see(
-                pose, at[:3], pose[:3, :3] @ up, contact.line_force * length / self.stiffness,
-                features.force > PRESSED * self.goal.force)
+        up = [0.0, math.sin(features.tilt), math.cos(features.tilt)]
+        at = pose @ [features.lateral, features.remaining, 0.0, 1.0]
+        # K_z = 2 L k; valid for any length under the pad
+        self.press.see(pose, at[:3], pose[:3, :3] @ up,
+                       contact.line_force * self._array.size_y / self.stiffness,
+                       features.force > PRESSED * self.goal.force)
 
     def depth(self, force: float) -> float:
         return force / self.stiffness

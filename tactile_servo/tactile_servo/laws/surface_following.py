@@ -157,7 +157,7 @@ class SurfaceFollowing(ServoLaw):
     def observe(self, observation: Observation) -> None:
         if observation.image is None:
             return
-        pose, going = observation.pose(), self._going
+        pose, going = observation.pose, self._going
         going.unplaced = pose is None
         if pose is None:
             return
