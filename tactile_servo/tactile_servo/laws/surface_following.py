@@ -4,8 +4,6 @@ Laws that follow a surface with a round probe: 'tactile_jacobian', and 'jacobian
 The difference of wanted and measured features of an image, times the inverse of the tactile
 Jacobian, gives the place of the contact on the pad and its force (chapter 6).
 """
-from collections.abc import Sequence
-from dataclasses import dataclass, field
 import math
 from typing import ClassVar
 
@@ -33,7 +31,7 @@ from tactile_servo.law import (
     UNPLACED,
 )
 from tactile_servo.laws.surface_config import SurfaceConfig
-from tactile_servo.laws.surface_features import between, ContactSense, Felt, Lessons, PadContact
+from tactile_servo.laws.surface_features import between, ContactSense, Felt, Lessons
 from tactile_servo.laws.surface_goal import (
     Pattern,
     plan_path,
@@ -58,27 +56,6 @@ RATE_SHARE = 2.0 / 3.0  # share of `force.gain` at which 'jacobian_rate' makes u
 OVERFORCE = 2.5  # times the wanted force, above which the goal ends once the force was reached
 
 
-@dataclass
-class Going:
-    """State of one goal."""
-
-    wanted: Sequence[PadContact]  # wanted contacts, from first to last
-    felt: Felt | None = None  # newest contact
-    shown: float = -math.inf  # steady time of the newest contact [s]
-    problem: Reason | None = None  # why the newest image shows no contact
-    unplaced: bool = False  # whether the pose of the newest image is unknown
-    begun: float | None = None  # steady time of first contact [s]
-    path: SurfacePath | None = None
-    met: bool = False  # True once the force was reached
-    end: Assessment | None = None  # set when the path has ended
-    over: bool = False  # True after the goal: contacts during lift-off are not recorded
-    stall: Stall = field(default_factory=Stall)
-    aim: PadContact = field(init=False)  # contact that is wanted now
-
-    def __post_init__(self) -> None:
-        self.aim = self.wanted[0]
-
-
 class SurfaceFollowing(ServoLaw):
     """
     Follow a surface with the tactile Jacobian and the robot's own pose.
@@ -101,7 +78,7 @@ class SurfaceFollowing(ServoLaw):
     _sense: ContactSense
     _surface: SurfaceFilter
     _motion: SurfaceMotion
-    _going: Going
+    _felt: Felt  # newest contact, set by `observe`; before it `lacks` prevents tracking
 
     def __init__(self, servo: ServoConfig, config: SurfaceConfig | None = None):
         self.servo, self.config = servo, config or SurfaceConfig()
@@ -140,7 +117,19 @@ class SurfaceFollowing(ServoLaw):
         self._sense = ContactSense(sensor.array, self._dome, self.config, goal.force, self._table)
         self.stiffness = self._sense.stiffness
         features = self._lessons.named(goal.features, goal.force) or [self._sense.centred]
-        self._going = Going([self._sense.contact_of(shown) for shown in features])
+        # Wanted contacts, from first to last, and the one that is wanted now
+        self._wanted = [self._sense.contact_of(shown) for shown in features]
+        self._aim = self._wanted[0]
+        # Steady times of the newest contact, and of the first one [s]
+        self._shown, self._touched = -math.inf, math.nan
+        # Why the newest image shows no contact, and whether its pose is unknown
+        self._problem: Reason | None = None
+        self._unplaced = False
+        self._path: SurfacePath | None = None
+        self._met = False  # True once the force was reached
+        self._end: Assessment | None = None  # set when the path has ended
+        self._over = False  # True after the goal: contacts during lift-off are not recorded
+        self._stall = Stall()
         self._surface, self.press, self._record = (
             SurfaceFilter(), PressCheck(), Record(self.config.probe))
         self._motion = SurfaceMotion(
@@ -152,38 +141,37 @@ class SurfaceFollowing(ServoLaw):
     def resume(self) -> None:
         self._motion.reset()
         self.press.forget()
-        self._going.stall.seen = None
+        self._stall.seen = None
 
     def observe(self, observation: Observation) -> None:
         if observation.image is None:
             return
-        pose, going = observation.pose, self._going
-        going.unplaced = pose is None
+        pose = observation.pose
+        self._unplaced = pose is None
         if pose is None:
             return
         felt = self._sense.look(observation.image, pose)
         if isinstance(felt, Reason):
-            going.problem = felt
+            self._problem = felt
             return
         self._age += AGE_SHARE * (min(observation.age, MAX_STAMP_AGE) - self._age)
         self._motion.age = self._age
-        going.felt, going.shown, going.problem = felt, observation.arrival, None
-        off = felt.place - going.aim.place
+        self._felt, self._shown, self._problem = felt, observation.arrival, None
+        off = felt.place - self._aim.place
         self.error = TaskError(float(off[0]), float(off[1]), force=felt.force)
         aside, depth = math.hypot(*felt.place), self._sense.depth(felt.force)
         share = min(self.goal.force / max(felt.force, 1e-6), 20.0)
         angle = math.hypot(PLACE_NOISE * share, PLACE_ERROR * aside) / self._dome.array_radius
-        met = abs(felt.force - going.aim.force) < MET * going.aim.force
-        going.met = going.met or met
+        met = abs(felt.force - self._aim.force) < MET * self._aim.force
+        self._met = self._met or met
         take = self._surface.update if self._surface.begun else self._surface.reset
         take(depth, felt.normal, felt.centre, angle)
-        if going.begun is not None and not going.over:
+        if not (math.isnan(self._touched) or self._over):
             # Otherwise a part of the print may lie beside the pad, or may not be pressed yet.
-            whole = going.met and aside <= CENTRED * self._sense.array.half_width_x
+            whole = self._met and aside <= CENTRED * self._sense.array.half_width_x
             self.press.see(pose, felt.centre, felt.normal, depth, whole)
-            self._record.keep(
+            self.touch = self._record.keep(
                 observation.stamp_ns, felt, float(off @ off), self._surface.normal, whole)
-            self.touch = self._record.newest
 
     def depth(self, force: float) -> float:
         return self._sense.depth(force)
@@ -193,63 +181,57 @@ class SurfaceFollowing(ServoLaw):
         return self._sense.pressed(self.press.unexplained) - self.goal.force
 
     def lacks(self, now: float) -> Reason | None:
-        if now - self._going.shown < self._stale:
+        if now - self._shown < self._stale:
             return None
-        going = self._going
-        return UNPLACED if going.unplaced else going.problem or Reason(ReasonCode.CONTACT_LOST)
+        return UNPLACED if self._unplaced else self._problem or Reason(ReasonCode.CONTACT_LOST)
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
         record, found = self._record, self._assess(now, progress, load)
         record.cycles += 1
-        record.touching += self._going.problem is None
-        self._going.over = found.state is State.DONE
+        record.touching += self._problem is None
+        self._over = found.state is State.DONE
         return found
 
     def _assess(self, now: float, progress: float, load: float) -> Assessment:
-        going, goal = self._going, self.goal
-        if going.begun is None:
-            going.begun = now
-        if len(going.wanted) > 1:
-            share = progress / goal.length if goal.length else (now - going.begun) / goal.duration
-            going.aim = between(going.wanted, share)
-        if goal.duration and now - going.begun >= goal.duration:
+        goal = self.goal
+        if math.isnan(self._touched):
+            self._touched = now
+        lasting = now - self._touched
+        if len(self._wanted) > 1:
+            self._aim = between(
+                self._wanted, progress / goal.length if goal.length else lasting / goal.duration)
+        if goal.duration and lasting >= goal.duration:
             return done(ReasonCode.DURATION_REACHED, success=True)
         if goal.pattern == Pattern.LINE and 0.0 < goal.length <= progress:
             return done(ReasonCode.LENGTH_REACHED, success=True)
         lacking = self.lacks(now)
         if lacking is not None:
             return Assessment(State.HOLD, lacking)
-        if going.end is not None:
-            return going.end
-        if going.met and load > OVERFORCE * goal.force:
+        if self._end is not None:
+            return self._end
+        if self._met and load > OVERFORCE * goal.force:
             return overforce(load, goal.force, OVERFORCE)
-        if going.stall.see(now, progress, ADVANCE, goal.speed):
+        if self._stall.see(now, progress, ADVANCE, goal.speed):
             return done(ReasonCode.NO_PROGRESS, self._motion.bound, lift=True)
         return Assessment(State.TRACK, Reason(ReasonCode.TRACKING))
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, robot: Motion,
                   dt: float) -> Reference:
-        going, motion = self._going, self._motion
-        normal = self._normal(commanded, dt)
+        motion, normal = self._motion, self._normal(commanded, dt)
         point = motion.centre_of(commanded) + self._dome.skin_radius * normal
-        if going.path is None:
-            going.path = plan_path(self.goal, point, normal, self.config.speed.acceleration)
-        step = going.path.step(point, normal, RETURN_RATE, motion.speed)
+        if self._path is None:
+            self._path = plan_path(self.goal, point, normal, self.config.speed.acceleration)
+        step = self._path.step(point, normal, RETURN_RATE, motion.speed)
         if step is None:
-            going.end = done(ReasonCode.NO_PROGRESS, 'the surface is too steep for the path')
+            self._end = done(ReasonCode.NO_PROGRESS, 'the surface is too steep for the path')
             step = STOP
         elif step.left <= 0.0:
-            going.end = done(ReasonCode.PATH_COMPLETED, success=True)
+            self._end = done(ReasonCode.PATH_COMPLETED, success=True)
         speed = motion.advance(
-            step, self._felt, going.aim, self.goal.speed if going.met else 0.0,
+            step, self._felt, self._aim, self.goal.speed if self._met else 0.0,
             motion.pace(step.way, normal, commanded, robot), dt)
         twist = self._twist(normal, step.way, pose, commanded, robot, dt)
         return Reference(twist, speed, step.way.tolist())
-
-    @property
-    def _felt(self) -> Felt:
-        assert self._going.felt is not None  # otherwise `lacks` prevents tracking
-        return self._going.felt
 
     def _normal(self, commanded: np.ndarray, dt: float) -> np.ndarray:
         """Return the inward normal (3,) predicted for the end of a cycle from a pose (4, 4)."""
@@ -258,11 +240,10 @@ class SurfaceFollowing(ServoLaw):
     def _twist(self, normal: np.ndarray, way: np.ndarray, pose: np.ndarray,
                commanded: np.ndarray, robot: Motion, dt: float) -> np.ndarray:
         """Return the twist (6,) in the sensor's frame, for a direction (3,) and a normal (3,)."""
-        going, motion, felt = self._going, self._motion, self._felt
-        depth, wanted = self._sense.depth(felt.force), self._sense.depth(going.aim.force)
-        press = motion.press(pose, commanded, felt, going.aim, wanted,
-                             depth if going.met else None, dt)
-        return motion.twist(way, normal, press, commanded, going.aim, robot, dt)
+        motion, felt, aim = self._motion, self._felt, self._aim
+        press = motion.press(pose, commanded, felt, aim, self._sense.depth(aim.force),
+                             self._sense.depth(felt.force) if self._met else None, dt)
+        return motion.twist(way, normal, press, commanded, aim, robot, dt)
 
     def result(self) -> SurfaceResult:
         return self._record.result()
@@ -284,7 +265,7 @@ class JacobianRate(SurfaceFollowing):
                commanded: np.ndarray, robot: Motion, dt: float) -> np.ndarray:
         twist, ahead = np.zeros(6), commanded[:3, :3].T @ way
         twist[:2] = self._motion.speed * ahead[:2] / max(math.hypot(ahead[0], ahead[1]), 1e-9)
-        rate, felt, aim = RATE_SHARE * self.config.force.gain, self._felt, self._going.aim
+        rate, felt, aim = RATE_SHARE * self.config.force.gain, self._felt, self._aim
         dx, dy = rate * (aim.place - felt.place)
         twist[2] = clipped(
             rate * (aim.force - felt.force) / self._sense.stiffness, -LIFT, PRESS)

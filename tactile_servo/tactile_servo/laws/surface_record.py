@@ -12,7 +12,6 @@ from tactile_servo.laws.surface_goal import SurfaceResult
 TOUCH_SPACING = 2.5e-4  # m, least distance between the recorded contacts
 LEAST_IMAGES = 20  # images of the whole print after which its mean area is accurate enough
 AREA_WEIGHT = 0.02  # weight of the newest area in the running mean
-LEAST_AREA = 1e-6  # m^2, least corrected area
 # m^2, by which the area from an image is smaller than that from the pressure on the skin; computed
 # by finite elements for the default probe
 BLURRED_AREA = 2.0e-6
@@ -23,20 +22,18 @@ class Record:
     """Contacts measured during the whole goal."""
 
     probe: ProbeConfig
-    points: list[np.ndarray] = field(default_factory=list)  # (3,) [m]
-    normals: list[np.ndarray] = field(default_factory=list)
+    touches: list[Touch] = field(default_factory=list)
     cycles: int = 0  # control cycles of tracking
     touching: int = 0  # those whose newest image shows a contact
     kept: int = 0  # recorded images with contact
     pressed: int = 0  # images with the whole print on the pad
     area: float = 0.0  # running mean of `Felt.area` [m^2]
     square: float = 0.0  # sum of the squared distances of the contact from its wanted place [m^2]
-    newest: Touch | None = None
 
     def keep(self, stamp_ns: int, felt: Felt, off: float, normal: np.ndarray,
-             whole: bool) -> None:
+             whole: bool) -> Touch | None:
         """
-        Record a contact.
+        Record a contact, and return it if its position on the surface is accurate.
 
         `off` is the squared distance from its wanted place [m^2], `normal` (3,) the filtered
         inward normal. `whole` is True if the whole print is measured.
@@ -44,33 +41,27 @@ class Record:
         self.kept += 1
         self.square += off
         if not whole:
-            return
+            return None
         self.pressed += 1
         self.area += max(AREA_WEIGHT, 1.0 / self.pressed) * (felt.area - self.area)
         if self.pressed < LEAST_IMAGES:
-            return
-        point = felt.centre + (self.probe.skin_radius - self._deflection(felt.force)) * normal
-        self.newest = Touch(stamp_ns, point, normal.copy())
-        if not self.points or np.linalg.norm(point - self.points[-1]) >= TOUCH_SPACING:
-            self.points.append(point)
-            self.normals.append(self.newest.normal)
-
-    def _deflection(self, force: float) -> float:
-        """
-        Return the indentation of the skin [m], from the size of its print.
-
-        On an elastic foundation P = pi / 2 k d a b, with the half axes a and b of the patch. The
-        variances of its pressure are a^2 / 6 and b^2 / 6. The indentation is larger on surfaces
-        of larger curvature.
-        """
-        area = max(self.area + BLURRED_AREA, LEAST_AREA)
-        return force / (3.0 * math.pi * self.probe.modulus * area)
+            return None
+        # On an elastic foundation P = pi / 2 k d a b, with the half axes a and b of the patch. The
+        # variances of its pressure are a^2 / 6 and b^2 / 6.
+        indentation = felt.force / (3.0 * math.pi * self.probe.modulus
+                                    * (self.area + BLURRED_AREA))
+        point = felt.centre + (self.probe.skin_radius - indentation) * normal
+        touch = Touch(stamp_ns, point, normal.copy())
+        if not self.touches or np.linalg.norm(point - self.touches[-1].point) >= TOUCH_SPACING:
+            self.touches.append(touch)
+        return touch
 
     def result(self) -> SurfaceResult:
         """Return the recorded contacts."""
-        if not self.points:
+        if not self.touches:
             return SurfaceResult()
+        _, points, normals = zip(*self.touches, strict=True)
         return SurfaceResult(
-            contour=np.array(self.points), normals=np.array(self.normals),
+            contour=np.array(points), normals=np.array(normals),
             contact_kept=self.touching / max(self.cycles, 1),
             centre_rms=math.sqrt(self.square / max(self.kept, 1)))
