@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactile_common.errors import TactileError
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.contact import Reason as ContactReason
@@ -15,7 +14,7 @@ from tactile_servo.control.scaling import ramp
 from tactile_servo.motion.joint_history import JointHistory
 from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
-from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.reasons import Reason, ReasonCode, Refused
 from tactile_servo.sensor_watch import SensorWatch, SURE
 from tactile_servo.types import IMPOSSIBLE
 from tactile_servo.wrist import Wrist
@@ -34,14 +33,6 @@ class Sample(NamedTuple):
     value: Any
     stamp_ns: int
     arrival: float
-
-
-class InputRefused(TactileError):
-    """An input that cannot be used; `reason` says why."""
-
-    def __init__(self, reason: Reason):
-        super().__init__(reason.text)
-        self.reason = reason
 
 
 class Inputs:
@@ -84,7 +75,7 @@ class Inputs:
         self._tared = not reasons & _NOT_TARED
 
     def see_image(self, image: TactileImage, arrival: float) -> None:
-        """Compute the load of an image; InputRefused if frame or array differ from the sensor."""
+        """Compute the load of an image; Refused if frame or array differ from the sensor."""
         array, sensor = image.array, self.sensor
         if sensor is not None:
             known = sensor.array
@@ -104,9 +95,9 @@ class Inputs:
         self._image_arrival, self._summed, self._noise = arrival, pressure * area, noise * area
 
     def refuse(self, reason: Reason) -> None:
-        """Store the reason of a refusal and raise InputRefused."""
+        """Store the reason of a refusal and raise Refused."""
         self.refused = reason
-        raise InputRefused(reason)
+        raise Refused(reason)
 
     @property
     def load(self) -> float:

@@ -18,7 +18,6 @@ from tactile_servo.types import State, TaskError
 # An image whose pose is unknown
 UNPLACED = Reason(ReasonCode.BAD_IMAGE, 'no joint state near its stamp; compare the clocks of '
                   'sensor and robot')
-Refusal = Reason  # its code is 400 or above, or names the missing input
 
 
 @dataclass(eq=False)  # not frozen: two are made for every image
@@ -117,8 +116,8 @@ class ServoLaw(Protocol):
     def retune(self, config: Any) -> None:
         """Use a new configuration from now on; only its `live` fields may differ."""
 
-    def validate(self, goal: Any) -> Refusal | None:
-        """Return why this law cannot execute a goal, or None."""
+    def validate(self, goal: Any) -> Reason | None:
+        """Return why this law cannot execute a goal, or None: a code of 400 or above."""
 
     def begin(self, goal: Any, sensor: SensorInfo) -> None:
         """Forget the last goal and start a new one; ConfigurationError if the sensor is unfit."""

@@ -85,8 +85,8 @@ class Reason(NamedTuple):
         return f'{self.code.text}: {self.detail}' if self.detail else self.code.text
 
 
-class GoalRefused(TactileError, ValueError):
-    """A goal that cannot be accepted now; `reason` says why."""
+class Refused(TactileError, ValueError):
+    """A goal or an input that cannot be accepted; `reason` says why."""
 
     def __init__(self, reason: Reason):
         super().__init__(reason.text)

@@ -21,14 +21,14 @@ from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.goal_run import GoalRun
 from tactile_servo.inputs import Inputs
 from tactile_servo.journal import Call, Journal
-from tactile_servo.law import LawResult, Observation, Refusal, ServoLaw, Teachable
+from tactile_servo.law import LawResult, Observation, ServoLaw, Teachable
 from tactile_servo.motion.delay import LATEST
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.phases import HELD, TOUCHING, TRACKING
-from tactile_servo.reasons import GoalRefused, Reason, ReasonCode
+from tactile_servo.reasons import Reason, ReasonCode, Refused
 from tactile_servo.track_statistics import along_contour, TrackStatistics
 from tactile_servo.types import NAN, State, Status
 
@@ -107,7 +107,7 @@ class Supervisor:
         """
         Process an image with its steady arrival time [s].
 
-        The supervisor uses its load; a law that `sees_images` observes it. InputRefused if its
+        The supervisor uses its load; a law that `sees_images` observes it. Refused if its
         frame or array is not that of the known sensor.
         """
         self.journal.add(Call.IMAGE, arrival, image.stamp_ns)
@@ -151,46 +151,46 @@ class Supervisor:
         """Statistics of the active goal or the last one."""
         return TrackStatistics(NAN) if self._last is None else self._last.statistics
 
-    def check(self, goal: Any) -> Refusal | None:
+    def check(self, goal: Any) -> Reason | None:
         """Return why a goal cannot be accepted now, or None."""
         if self.state != State.IDLE:
-            return Refusal(ReasonCode.BUSY, 'cancel it first')
+            return Reason(ReasonCode.BUSY, 'cancel it first')
         try:
             check_goal(goal.speed, goal.force, self.config)
             checked('client_timeout', goal.client_timeout, float,
                     {'range': (0.0, LONGEST_SILENCE), 'unit': 's'})
         except ConfigurationError as error:
-            return Refusal(ReasonCode.INVALID_GOAL, str(error))
+            return Reason(ReasonCode.INVALID_GOAL, str(error))
         refused = self.law.validate(goal) or self.around
         if refused is not None:
             return refused
         if self.inputs.joints is None:
-            return Refusal(ReasonCode.NO_JOINT_STATE,
-                           self.inputs.unbelieved or 'none has been received')
+            return Reason(ReasonCode.NO_JOINT_STATE,
+                          self.inputs.unbelieved or 'none has been received')
         if self.inputs.sensor is None:
-            return Refusal(ReasonCode.NO_IMAGE, 'no sensor_info has been received')
+            return Reason(ReasonCode.NO_IMAGE, 'no sensor_info has been received')
         lacking = self.inputs.contact_missing(images=False)
         if lacking is None or lacking.code is not ReasonCode.NOT_TARED:
             return None
         # If `sensor_info` says that the sensor is tared, the next contact will say so too.
         return None if self.inputs.sensor.tared_at_ns else lacking
 
-    def note(self, refusal: Refusal) -> None:
+    def note(self, refusal: Reason) -> None:
         """Show a refusal in the status of an idle servo: the action returns no reason for it."""
         self.journal.add(Call.NOTED, 0.0, refusal.code, refusal.detail)
         self._idle = refusal
 
     def start(self, goal: Any, now: float) -> None:
-        """Start a goal at steady time `now` [s]; GoalRefused if it cannot be accepted."""
+        """Start a goal at steady time `now` [s]; Refused if it cannot be accepted."""
         self._record_changes()
         self.journal.add(Call.START, now, text=json.dumps(asdict(goal), default=np.ndarray.tolist))
         refusal, inputs = self.check(goal), self.inputs
         if refusal is not None or inputs.sensor is None or inputs.joints is None:
-            raise GoalRefused(refusal or Refusal(ReasonCode.BUSY))
+            raise Refused(refusal or Reason(ReasonCode.BUSY))
         try:
             self.law.begin(goal, inputs.sensor)
         except ConfigurationError as error:  # the sensor does not suit the law
-            raise GoalRefused(Refusal(ReasonCode.UNSUPPORTED_GOAL, str(error))) from error
+            raise Refused(Reason(ReasonCode.UNSUPPORTED_GOAL, str(error))) from error
         self.motion.seed(inputs.joints.value)
         self.motion.delay.forget()
         self.run = self._last = GoalRun(goal, self.config, self.law, inputs, self.motion, now)

@@ -11,7 +11,7 @@ from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.moments import Moments
 from tactile_servo.motion.limits import WorkspaceBox
 from tactile_servo.phases import Phase
-from tactile_servo.reasons import GoalRefused, ReasonCode
+from tactile_servo.reasons import ReasonCode, Refused
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.scene import load_scene
 
@@ -238,11 +238,11 @@ def test_joint_states_far_beyond_the_limits_or_no_numbers_are_refused(loop):
     (EdgeGoal(0.03, 50.0), 'force'), (EdgeGoal(0.03, 0.1), '0.1, must be'),
     (EdgeGoal(0.03, 5.0, length=-1.0), 'length'), (EdgeGoal(0.03, 5.0, direction=2), 'direction')])
 def test_bad_goals_are_refused_by_name_and_bound(goal, text, loop):
-    with pytest.raises(GoalRefused, match='no joint state') as refused:
+    with pytest.raises(Refused, match='no joint state') as refused:
         loop.servo.start(GOAL, 0.0)
     assert refused.value.reason.code == ReasonCode.NO_JOINT_STATE
     loop.run(None, 0.01)
-    with pytest.raises(GoalRefused, match=text) as refused:
+    with pytest.raises(Refused, match=text) as refused:
         loop.servo.start(goal, loop.now)
     assert refused.value.reason.code == ReasonCode.INVALID_GOAL
 

@@ -21,11 +21,10 @@ from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_sensing.types.moments import Moments
 from tactile_servo.config import ServoConfig
-from tactile_servo.inputs import InputRefused
 from tactile_servo.laws.registry import LAWS, make_law
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_servo.motion.limits import WorkspaceBox
-from tactile_servo.reasons import GoalRefused, ReasonCode
+from tactile_servo.reasons import ReasonCode, Refused
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import EdgeGoal, State, TRACKING
 from tactile_simulation.render import force_on, render
@@ -178,7 +177,7 @@ class Watched:
                 self.servo.see_image(TactileImage(
                     self.now_ns - late_image, 0, layers, array, tared, saturated, frame),
                     self.now)
-            except InputRefused as refusal:
+            except Refused as refusal:
                 assert str(refusal) and (array, frame) != (ARRAY, '')
         if contact == 'true':
             contact = line(force, 0.0, 0.0) if force > 0.1 else Contact(
@@ -192,7 +191,7 @@ class Watched:
         if isinstance(action, EdgeGoal):
             try:
                 servo.start(self.goal_for(action), self.now)
-            except GoalRefused as refusal:
+            except Refused as refusal:
                 assert str(refusal) and refusal.reason.code >= 200
         elif action == 'cancel':
             servo.cancel()

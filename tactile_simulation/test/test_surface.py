@@ -17,7 +17,7 @@ from tactile_servo.laws.surface_config import (
     SurfaceConfig,
 )
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
-from tactile_servo.reasons import GoalRefused
+from tactile_servo.reasons import Refused
 from tactile_servo.tactile_jacobian.features import ModelFeatures
 from tactile_servo.tactile_jacobian.jacobian import Increments
 from tactile_servo.tactile_jacobian.table import build_table, grid
@@ -227,7 +227,7 @@ def test_a_wrong_modulus_is_borne(factor):
 def test_a_sensor_that_does_not_fit_into_the_probe_is_refused():
     settings = SurfaceConfig(probe=ProbeConfig(skin_radius=0.003))  # tactels 2 mm deep
     simulation = Simulation(scene_of(SPHERE), settings=settings)
-    with pytest.raises(GoalRefused, match='must increase|core_radius'):
+    with pytest.raises(Refused, match='must increase|core_radius'):
         simulation.run(line(), 1.0)
     assert simulation.servo.state is State.IDLE
 

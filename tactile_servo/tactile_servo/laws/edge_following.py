@@ -10,15 +10,7 @@ from tactile_servo.config import image_patience, ServoConfig, STALE_AFTER
 from tactile_servo.control.press_test import PRESSED
 from tactile_servo.control.progress import LapGuard, Stall
 from tactile_servo.edge_map.traced_path import PathEnd
-from tactile_servo.law import (
-    Assessment,
-    done,
-    LawResult,
-    Observation,
-    Reference,
-    Refusal,
-    UNPLACED,
-)
+from tactile_servo.law import Assessment, done, LawResult, Observation, Reference, UNPLACED
 from tactile_servo.laws.edge_config import EdgeFollowingConfig
 from tactile_servo.laws.edge_law import EdgeLaw, SKIN_STIFFNESS, skin_stiffness_of, total_stiffness
 from tactile_servo.laws.edge_modes import (
@@ -89,9 +81,9 @@ class EdgeFollowing(EdgeLaw):
         """Return the indentation [m] for a force [N], with the edge length under the pad."""
         return self._motion.depth(force)
 
-    def validate(self, goal: EdgeGoal) -> Refusal | None:
+    def validate(self, goal: EdgeGoal) -> Reason | None:
         if goal.closed and goal.length > 0.0:
-            return Refusal(ReasonCode.INVALID_GOAL, 'a closed contour has no length; let it be 0')
+            return Reason(ReasonCode.INVALID_GOAL, 'a closed contour has no length; let it be 0')
         return super().validate(goal)
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:

@@ -7,8 +7,8 @@ from tactile_common.config import checked
 from tactile_sensing.types.image import SensorInfo
 from tactile_servo.control.press_check import PressCheck
 from tactile_servo.control.progress import LapGuard
-from tactile_servo.law import Assessment, done, Refusal, ServoLaw
-from tactile_servo.reasons import ReasonCode
+from tactile_servo.law import Assessment, done, ServoLaw
+from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import EdgeGoal, State
 
@@ -39,12 +39,12 @@ class EdgeLaw(ServoLaw):
     def unfelt(self) -> float:
         return self.press.unexplained / self.depth(1.0)
 
-    def validate(self, goal: EdgeGoal) -> Refusal | None:
+    def validate(self, goal: EdgeGoal) -> Reason | None:
         if not 0.0 <= goal.length < math.inf:
-            return Refusal(ReasonCode.INVALID_GOAL,
-                           f'length {goal.length:g} is negative or not finite')
+            return Reason(ReasonCode.INVALID_GOAL,
+                          f'length {goal.length:g} is negative or not finite')
         if goal.direction not in (-1, 1):
-            return Refusal(
+            return Reason(
                 ReasonCode.INVALID_GOAL, f'direction {goal.direction} is neither +1 nor -1')
         return None
 

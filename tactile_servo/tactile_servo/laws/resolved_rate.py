@@ -18,7 +18,7 @@ from tactile_servo.control.scaling import clipped, ramp, slewed
 from tactile_servo.control.stability import AGE_SHARE, DEAD_TIME, LAG, stable_gain
 from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.image_order import ImageOrder
-from tactile_servo.law import Assessment, done, Observation, overforce, Reference, Refusal
+from tactile_servo.law import Assessment, done, Observation, overforce, Reference
 from tactile_servo.laws.edge_features import edge_features, EdgeFeatures
 from tactile_servo.laws.edge_law import EdgeLaw, total_stiffness
 from tactile_servo.motion.motion import COMMITTED, Motion
@@ -124,10 +124,10 @@ class ResolvedRate(EdgeLaw):
     def retune(self, config: ResolvedRateConfig) -> None:
         self.config = config
 
-    def validate(self, goal: EdgeGoal) -> Refusal | None:
+    def validate(self, goal: EdgeGoal) -> Reason | None:
         if goal.closed:
-            return Refusal(ReasonCode.UNSUPPORTED_GOAL,
-                           'closed contours are not tracked without a map of them')
+            return Reason(ReasonCode.UNSUPPORTED_GOAL,
+                          'closed contours are not tracked without a map of them')
         return super().validate(goal)
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:

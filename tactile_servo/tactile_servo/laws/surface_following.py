@@ -26,7 +26,6 @@ from tactile_servo.law import (
     Observation,
     overforce,
     Reference,
-    Refusal,
     ServoLaw,
     UNPLACED,
 )
@@ -94,14 +93,14 @@ class SurfaceFollowing(ServoLaw):
         if self._begun:
             self._motion.retune(config)
 
-    def validate(self, goal: SurfaceGoal) -> Refusal | None:
+    def validate(self, goal: SurfaceGoal) -> Reason | None:
         try:
             taught = self._lessons.named(goal.features, goal.force)
         except ConfigurationError as error:
-            return Refusal(ReasonCode.UNSUPPORTED_GOAL, str(error))
+            return Reason(ReasonCode.UNSUPPORTED_GOAL, str(error))
         if len(taught) > 1 and goal.pattern != Pattern.LINE and not goal.duration:
-            return Refusal(ReasonCode.INVALID_GOAL,
-                           'several features need a line, or a duration, to go through')
+            return Reason(ReasonCode.INVALID_GOAL,
+                          'several features need a line, or a duration, to go through')
         return refuse_surface_goal(goal)
 
     def teach(self, name: str, image: TactileImage, array: TactelArray) -> str:

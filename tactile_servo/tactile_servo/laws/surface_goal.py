@@ -13,8 +13,8 @@ from tactile_servo.control.surface_path import (
     spiral,
     SurfacePath,
 )
-from tactile_servo.law import LawResult, Refusal
-from tactile_servo.reasons import ReasonCode
+from tactile_servo.law import LawResult
+from tactile_servo.reasons import Reason, ReasonCode
 
 MAX_PATH = 100.0  # longest pattern [m]
 LINE_LENGTH = 0.06  # default length of a line [m]
@@ -56,7 +56,7 @@ class SurfaceResult(LawResult):
     centre_rms: float = math.nan  # RMS distance of the contact from its wanted place [m]
 
 
-def refuse_surface_goal(goal: SurfaceGoal) -> Refusal | None:
+def refuse_surface_goal(goal: SurfaceGoal) -> Reason | None:
     """Return why a goal is invalid, or None."""
     numbers = [goal.length, goal.duration, *goal.size, goal.step_over]
     if not all(0.0 <= value < math.inf for value in numbers):
@@ -81,8 +81,8 @@ def refuse_surface_goal(goal: SurfaceGoal) -> Refusal | None:
     return None
 
 
-def _invalid(detail: str) -> Refusal:
-    return Refusal(ReasonCode.INVALID_GOAL, detail)
+def _invalid(detail: str) -> Reason:
+    return Reason(ReasonCode.INVALID_GOAL, detail)
 
 
 def plan_path(goal: SurfaceGoal, point: np.ndarray, normal: np.ndarray,

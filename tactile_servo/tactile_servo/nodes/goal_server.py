@@ -10,7 +10,7 @@ from unique_identifier_msgs.msg import UUID
 
 from tactile_msgs.msg import ServoStatus
 from tactile_servo.conversions import ACTIONS
-from tactile_servo.reasons import GoalRefused, Reason
+from tactile_servo.reasons import Reason, Refused
 from tactile_servo.supervisor import Supervisor
 
 FEEDBACK_PERIOD = 0.05  # s; the status topic is faster
@@ -79,7 +79,7 @@ class GoalServer:
         now = perf_counter()
         try:
             self._servo.start(self._action.goal_from_msg(goal_handle.request), now)
-        except GoalRefused as refused:  # the situation has changed since the check
+        except Refused as refused:  # the situation has changed since the check
             self._refusals[bytes(goal_handle.goal_id.uuid)] = refused.reason
             goal_handle.execute()
         else:
