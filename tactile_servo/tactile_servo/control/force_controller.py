@@ -17,11 +17,6 @@ def unseen_way(force: float, stiffness: float) -> float:
     return UNSEEN * force / stiffness
 
 
-def touch_speed(force: float, stiffness: float, age: float) -> float:
-    """Return the speed [m/s] at which images of an age [s] show a touch in time."""
-    return unseen_way(force, stiffness) / (age + REACTION)
-
-
 def stopping_speed(way: float, deceleration: float, delay: float) -> float:
     """Return the speed [m/s] at which a stop that begins after a delay [s] takes a way [m]."""
     return deceleration * (math.sqrt(delay**2 + 2.0 * way / deceleration) - delay)

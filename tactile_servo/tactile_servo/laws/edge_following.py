@@ -6,21 +6,14 @@ from typing import ClassVar
 import numpy as np
 
 from tactile_sensing.types.image import SensorInfo
-from tactile_servo.config import image_patience, ServoConfig, STALE_AFTER
+from tactile_servo.config import image_patience, PRESS_DEPTH, ServoConfig, STALE_AFTER
 from tactile_servo.control.press_test import PRESSED
 from tactile_servo.control.progress import LapGuard, Stall
+from tactile_servo.edge_map.edge_map import PathPosition
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.law import Assessment, done, LawResult, Observation, Reference, UNPLACED
 from tactile_servo.laws.edge_config import EdgeFollowingConfig
 from tactile_servo.laws.edge_law import EdgeLaw, SKIN_STIFFNESS, skin_stiffness_of, total_stiffness
-from tactile_servo.laws.edge_modes import (
-    Coasting,
-    END_MARGIN,
-    Following,
-    Mode,
-    ReachingDown,
-    Searching,
-)
 from tactile_servo.laws.edge_motion import EdgeMotion
 from tactile_servo.laws.edge_sight import EdgeSight
 from tactile_servo.motion.motion import Motion
@@ -33,6 +26,35 @@ KEPT = 0.25  # share of the goal's force that a skin that creeps may keep withou
 # Times `image_patience`, time without a usable image; longer than the supervisor's own timeout,
 # which handles missing images
 STALE = 1.5
+SEARCH = 0.02  # m/s, largest speed in the search for a lost edge
+END_MARGIN = 1.5  # grains before the end of a ridge at which coasting begins
+# Half sizes of the pad: a half diagonal, after which an edge has left the pad in any direction
+PAD_LEFT = 1.42
+SEARCH_REACH = 1.18  # half sizes of the pad, longest way of a search towards the load
+# Share of PRESS_DEPTH; the rest is passed in the longest pause of the cycles, and in the stop.
+PROBED_DEPTH = 0.8
+STILL = np.zeros(3)
+
+Move = tuple[tuple[float, float], float, np.ndarray]
+
+
+class Travel:
+    """Way of the commanded pad in a mode of the law, which ends the mode."""
+
+    def __init__(self) -> None:
+        self.way = self.depth = 0.0  # length, and depth along the pad's normal at its begin [m]
+        self._begin: np.ndarray | None = None
+        self._last = np.zeros(3)
+
+    def count(self, there: np.ndarray) -> np.ndarray:
+        """Process the commanded pose (4, 4) in the plane; return the normal at the begin (3,)."""
+        place = there[:3, 3]
+        if self._begin is None:
+            self._begin, self._last = there, place
+        self.way += float(np.linalg.norm(place - self._last))
+        self._last, normal = place, self._begin[:3, 2]
+        self.depth = float((place - self._begin[:3, 3]) @ normal)
+        return normal
 
 
 class EdgeFollowing(EdgeLaw):
@@ -42,7 +64,8 @@ class EdgeFollowing(EdgeLaw):
     The points of every image are transformed into a plane fixed in the base, with the pose at the
     image's stamp. Latency therefore delays only the view ahead; it is not part of the loop.
 
-    Its four modes are in `edge_modes`.
+    Its mode is the reason for its motion: tracking; coasting straight on from the end of a ridge,
+    across a possible gap; searching, towards the pressure; or reaching down, along the normal.
     """
 
     name: ClassVar[str] = 'trace'
@@ -65,13 +88,13 @@ class EdgeFollowing(EdgeLaw):
         self._unplaced = False  # True if the pose of the newest image is unknown
         self._begun = False  # True once the pad moves along the edge
         self._pressed = False  # True once the force was large enough to show the whole edge
-        self._coasting = Coasting()
+        self._coasting = Travel()
         self._find()
 
     def _find(self) -> None:
         """Return to tracking, with the edge visible."""
-        self._mode: Mode = Following()
-        self._searching, self._reaching = Searching(), ReachingDown()
+        self._mode = ReasonCode.TRACKING
+        self._searching, self._reaching = Travel(), Travel()
 
     def retune(self, config: EdgeFollowingConfig) -> None:
         self.config = config
@@ -99,7 +122,7 @@ class EdgeFollowing(EdgeLaw):
         self._stall.seen = None
         # A pad that was lifted off touches lightly at first.
         self._pressed &= self.sight.load.force >= self._contact_force
-        self._mode, self._searching = Following(), Searching()
+        self._mode, self._searching = ReasonCode.TRACKING, Travel()
 
     def observe(self, observation: Observation) -> None:
         """Process an image, or a contact: its fitted force is more accurate than the image's."""
@@ -131,7 +154,7 @@ class EdgeFollowing(EdgeLaw):
         path, scale = edge.path, edge.scale
         if order := self.sight.order.problem():
             return done(*order, lift=True)
-        if not isinstance(self._mode, Following):  # the other modes have their own limits
+        if self._mode is not ReasonCode.TRACKING:  # the other modes have their own limits
             self._stall = Stall()
         if self._stall.see(now, progress, ADVANCE * scale.grain, self.goal.speed):
             return done(ReasonCode.NO_PROGRESS, lift=True)
@@ -142,54 +165,85 @@ class EdgeFollowing(EdgeLaw):
         lacking, touching = self.lacks(now), load >= self._contact_force
         # A lightly pressed pad touches only the highest part, so the edge seems to end early.
         self._pressed = self._pressed or self.sight.load.force >= PRESSED * self.goal.force
-        tilted = self.sight.lifted and isinstance(self._mode, Following) and lacking is None
+        tilted = self.sight.lifted and self._mode is ReasonCode.TRACKING and lacking is None
         if path.end is PathEnd.RIDGE and self._ahead >= path.tip - END_MARGIN * scale.grain and (
                 self._pressed or lacking is not None) and not tilted:
             return self._at_end(load)
-        self._coasting = Coasting()
+        self._coasting = Travel()
         if lacking is None:
             self._find()
             corner = edge.corner_at(self._ahead)
-            return Assessment(State.TRACK, self._mode.reason) if corner is None else Assessment(
+            return Assessment(State.TRACK, Reason(self._mode)) if corner is None else Assessment(
                 State.CORNER, Reason(
                     ReasonCode.CORNER, f'{math.degrees(abs(corner.shape.turn)):.0f} degrees'))
         if not touching:
             return Assessment(State.HOLD, Reason(ReasonCode.CONTACT_LOST))
-        if edge.picture.pull is None or self._searching.over(scale):
+        if edge.picture.pull is None or self._searching.way > SEARCH_REACH * scale.half:
             return Assessment(State.HOLD, lacking)
-        return self._search(self._searching)
+        return self._search(ReasonCode.SEARCHING)
 
     def _at_end(self, load: float) -> Assessment:
         """Decide at the end of the ridge: coast over a gap, go down a step, or end."""
         touching = load >= self.servo.approach.contact_force
-        scale, coasting = self.sight.edge.scale, self._coasting
-        unseen = self._motion.speed * self.sight.age
-        if not coasting.over(scale, unseen) and (touching or coasting.begun(scale)):
-            return self._search(coasting)
+        scale, way = self.sight.edge.scale, self._coasting.way
+        margin, unseen = END_MARGIN * scale.grain, self._motion.speed * self.sight.age
+        # Coasting began one margin before the end, and the end is uncertain by one margin. After
+        # another half diagonal the edge has left the pad.
+        if way - unseen < PAD_LEFT * scale.half + 2.0 * margin and (touching or way <= margin):
+            return self._search(ReasonCode.COASTING)
         if load >= self._contact_force:
             return done(ReasonCode.EDGE_LOST, 'the ridge ends, but the pad is pressed')
-        if not self._reaching.over:
-            return self._search(self._reaching)
+        if self._reaching.depth <= PROBED_DEPTH * PRESS_DEPTH:
+            return self._search(ReasonCode.REACHING_DOWN)
         return self._end_of_edge()
 
-    def _search(self, mode: Mode) -> Assessment:
+    def _search(self, mode: ReasonCode) -> Assessment:
         self._mode = mode
         self.press.forget()  # the edge found next may lie deeper
-        return Assessment(State.SEARCH, mode.reason)
+        return Assessment(State.SEARCH, Reason(mode))
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, robot: Motion,
                   dt: float) -> Reference:
         edge, motion = self.sight.edge, self._motion
         place = edge.locate(pose, commanded, self._here, self._ahead, motion.soon())
         self._begun = True
-        along, normal, turn = self._mode.move(motion, place, robot, dt)
-        if isinstance(self._mode, (Following, Coasting)):
+        move = {ReasonCode.TRACKING: self._follow, ReasonCode.COASTING: self._coast,
+                ReasonCode.SEARCHING: self._seek, ReasonCode.REACHING_DOWN: self._reach_down}
+        along, normal, turn = move[self._mode](place, robot, dt)
+        if self._mode in (ReasonCode.TRACKING, ReasonCode.COASTING):
             self._here, self._ahead = place.here, place.ahead
         to_own = place.there[:3, :3].T
         heading = edge.way_in_base(*place.along)
         self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), heading, self._progress)
         return Reference(np.concatenate([to_own @ (*along, normal), to_own @ turn]),
                          motion.speed, heading)
+
+    # Moves: each returns the motion of a cycle in the frame of the plane: velocity x, y in the
+    # plane and along its normal [m/s], angular velocity (3,) [rad/s].
+
+    def _follow(self, place: PathPosition, robot: Motion, dt: float) -> Move:
+        motion = self._motion
+        return (motion.along(place, robot, dt), motion.press(place, robot, dt),
+                motion.turn(place, robot, dt))
+
+    def _coast(self, place: PathPosition, robot: Motion, dt: float) -> Move:
+        self._coasting.count(place.there)
+        velocity = self._motion.along(place, robot, dt, may_lift=True)
+        return velocity, self._motion.press(place, robot, dt, may_press=False), STILL
+
+    def _seek(self, place: PathPosition, _: Motion, dt: float) -> Move:
+        speed, pull = min(SEARCH, self.goal.speed), self.sight.edge.picture.pull
+        assert pull is not None  # without a pull the law does not search
+        self._searching.count(place.there)
+        x, y = pull.tolist()
+        return self._motion.aside(speed * x, speed * y, dt), 0.0, STILL
+
+    def _reach_down(self, place: PathPosition, _: Motion, dt: float) -> Move:
+        nx, ny, nz = self._reaching.count(place.there).tolist()
+        x, y = self._motion.aside(0.0, 0.0, dt)
+        down = self._motion.touch_speed(max(PRESS_DEPTH - self._reaching.depth, 0.0))
+        # While the pad still moves in the plane, this changes the depth of an inclined pad too.
+        return (x, y), (down - x * nx - y * ny) / nz, STILL
 
     def result(self) -> LawResult:
         return LawResult(self.sight.edge.closed, self.sight.edge.contour())

@@ -9,8 +9,9 @@ from tactile_servo.control.force_controller import (
     BRAKING,
     ForceController,
     INTEGRATED,
+    REACTION,
     stopping_speed,
-    touch_speed,
+    unseen_way,
 )
 from tactile_servo.control.scaling import caution, clipped
 from tactile_servo.control.stability import DEAD_TIME, LAG, stable_gain
@@ -150,7 +151,8 @@ class EdgeMotion:
 
     def touch_speed(self, left: float) -> float:
         """Return the speed along the normal [m/s] that can stop at a touch or after `left` [m]."""
-        seen = touch_speed(self.goal.force, self._stiffness, self.sight.age)
+        # Images of this age show a touch in time.
+        seen = unseen_way(self.goal.force, self._stiffness) / (self.sight.age + REACTION)
         # Plan half of the deceleration: commands already sent delay the braking.
         return min(NORMAL, seen, math.sqrt(BRAKING * left))
 
