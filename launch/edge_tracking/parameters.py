@@ -67,7 +67,7 @@ def driver_parameters(value: Mapping[str, Any]) -> dict[str, Any]:
 
 def parameters_of(node: str, law: str = DEFAULT) -> list[Parameter]:
     """Return every parameter that a node declares; for the servo, with a law."""
-    return declared(configs_of(node, law), GIVEN.get(node))
+    return declared(configs_of(node, law))
 
 
 def configs_of(node: str, law: str) -> tuple[type, ...]:
@@ -89,8 +89,9 @@ def check_file(path: str | Path, nodes: Mapping[str, str], law: str = DEFAULT) -
         name = section.rpartition('/')[2]
         meant = [node for node, full in nodes.items() if matches(section, full)]
         if name in nodes and not meant:
-            raise file.error(f"{section} is not the name of the node, which is {nodes[name]}; "
-                             f"'/**/{name}' holds in every namespace")
+            raise ConfigurationError(
+                f'parameter file {path}: {section} is not the name of the node, which is '
+                f"{nodes[name]}; '/**/{name}' holds in every namespace")
         if not meant and name not in NODES:
             warnings.append(f'parameter file {path}: no node {section}{did_you_mean(name, NODES)}')
         if of_nodes := [name] if name in NODES else meant:

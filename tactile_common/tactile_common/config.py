@@ -6,7 +6,7 @@ A field's default is in the dataclass, its bounds are in the field's metadata: `
 `one_for_all`: a single value is then accepted in place of a list. `check_fields`, called in
 `__post_init__`, and the declaration of ROS parameters both read this metadata.
 """
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 import dataclasses
 import difflib
 from functools import lru_cache
@@ -66,25 +66,39 @@ def check_fields(config: Any, prefix: str = '') -> None:
                 field.metadata)
 
 
-def built(config_class: type, value_of: Callable[[str, Any, Any, Mapping], Any],
-          prefix: str = '', defaults: Any = None) -> Any:
+def leaves(config_class: type, prefix: str = '', defaults: Any = None
+           ) -> Iterator[tuple[str, Any, Any, Mapping]]:
     """
-    Make a dataclass from the values that `value_of(name, default, kind, metadata)` returns.
+    Yield name, default, type and metadata of every field, also of nested dataclasses.
 
     The name of a field of a nested dataclass includes the outer field's name and a dot, such as
     `force.gain`. The values in `defaults`, if given, replace the defaults of the fields.
     """
-    values = {}
     for field in dataclasses.fields(config_class):
         name, kind = prefix + field.name, types_of(config_class)[field.name]
         default = field.default if defaults is None else getattr(defaults, field.name)
         if callable(field.default_factory) and default is dataclasses.MISSING:
             default = field.default_factory()
         if dataclasses.is_dataclass(kind):
-            values[field.name] = built(kind, value_of, f'{name}.', default)  # type: ignore[arg-type]
+            yield from leaves(kind, f'{name}.', default)  # type: ignore[arg-type]
         else:
-            values[field.name] = value_of(name, default, kind, field.metadata)
-    return config_class(**values)
+            yield name, default, kind, field.metadata
+
+
+def built(config_class: type, values: Mapping[str, Any], prefix: str = '', defaults: Any = None,
+          called: str = '{}') -> Any:
+    """
+    Make a dataclass from values by the names of its `leaves`; the others have their defaults.
+
+    Every value is `checked`. `called` is the format of its name in messages.
+    """
+    found = {name: checked(called.format(name), values.get(name, default), kind, metadata)
+             for name, default, kind, metadata in leaves(config_class, prefix, defaults)}
+
+    def make(kind: Any, prefix: str) -> Any:
+        return kind(**{name: make(part, f'{prefix}{name}.') if dataclasses.is_dataclass(part)
+                       else found[prefix + name] for name, part in types_of(kind).items()})
+    return make(config_class, prefix)
 
 
 @lru_cache

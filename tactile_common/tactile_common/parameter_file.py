@@ -5,7 +5,7 @@ import os
 import re
 from typing import Any, NamedTuple
 
-from tactile_common.config import built, checked, did_you_mean
+from tactile_common.config import built, did_you_mean, leaves
 from tactile_common.errors import ConfigurationError, naming
 from tactile_common.yaml_file import read_yaml
 
@@ -22,18 +22,9 @@ class Parameter(NamedTuple):
     metadata: Mapping
 
 
-def parameters_of(configs: Iterable[type], given: Mapping[str, Any] | None = None
-                  ) -> list[Parameter]:
-    """Return every parameter that a node declares; values in `given` replace invalid defaults."""
-    found: list[Parameter] = []
-
-    def take(name: str, default: Any, kind: Any, metadata: Mapping) -> Any:
-        found.append(Parameter(name, default, kind, metadata))
-        return (given or {}).get(name, default)
-
-    for config in configs:
-        built(config, take)
-    return found
+def parameters_of(configs: Iterable[type]) -> list[Parameter]:
+    """Return every parameter that a node declares from dataclasses."""
+    return [Parameter(*leaf) for config in configs for leaf in leaves(config)]
 
 
 class ParameterFile:
@@ -56,10 +47,6 @@ class ParameterFile:
         with self._naming():
             self.sections = [] if path is None else list(_sections(read_yaml(path), ''))
 
-    def error(self, what: object) -> ConfigurationError:
-        """Return an error that names the file."""
-        return ConfigurationError(f'parameter file {self.path}: {what}')
-
     def _naming(self, *part: str) -> AbstractContextManager:
         """Name the file, if any, and a part of it in errors."""
         return nullcontext() if self.path is None else naming(
@@ -72,10 +59,8 @@ class ParameterFile:
 
     def config(self, node: str, config: type, given: Mapping[str, Any] | None = None) -> Any:
         """Build a node's configuration; `given` overrides the file; raises ConfigurationError."""
-        values = {**self.values(node), **(given or {})}
         with self._naming(node):
-            return built(config, lambda name, default, kind, metadata: checked(
-                name, values.get(name, default), kind, metadata))
+            return built(config, {**self.values(node), **(given or {})})
 
     def refuse_unknown(self, section: str, values: Iterable[str], known: Iterable[str]) -> None:
         """Raise a ConfigurationError if a parameter of a section is unknown."""

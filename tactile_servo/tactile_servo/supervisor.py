@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tactile_common.config import built, checked
+from tactile_common.config import built, checked, leaves
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.image import SensorInfo, TactileImage
@@ -238,9 +238,7 @@ class Supervisor:
 
     def retune(self, config: Any) -> None:
         """Pass a configuration with changed live fields to the law."""
-        values: dict[str, Any] = {}
-        built(type(config), lambda name, value, *_: values.setdefault(name, value),
-              defaults=config)
+        values = {name: value for name, value, *_ in leaves(type(config), defaults=config)}
         self.journal.add(Call.TUNE, text=json.dumps(values))
         self.law.retune(config)
 
@@ -330,10 +328,7 @@ class Supervisor:
         elif call == Call.PAUSE:
             self.pause(bool(value), time)
         elif call == Call.TUNE:
-            values = json.loads(text)
-            self.law.retune(built(
-                self.law.config_type, lambda name, default, kind, metadata: checked(
-                    name, values.get(name, default), kind, metadata)))
+            self.law.retune(built(self.law.config_type, json.loads(text)))
         elif call == Call.TEACH:
             self.teach(text)
         elif call == Call.AROUND:

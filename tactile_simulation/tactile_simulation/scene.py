@@ -228,8 +228,8 @@ def _part(kind: type, values: Mapping[str, Any], name: str, defaults: Any = None
     known = {item.name: item.default for item in fields(kind)}
     given = _mapping(values.get(name, {}), name,
                      [key for key, default in known.items() if default is MISSING], known)
-    return built(kind, lambda key, default, *how: checked(
-        key, given.get(key.removeprefix(f'{name}.'), default), *how), f'{name}.', defaults)
+    return built(kind, {f'{name}.{key}': value for key, value in given.items()}, f'{name}.',
+                 defaults)
 
 
 def _number(name: str, value: Any, low: float, high: float, unit: str = 'm') -> float:

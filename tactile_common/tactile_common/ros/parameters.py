@@ -12,7 +12,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from tactile_common.config import built, checked
+from tactile_common.config import built, leaves
 from tactile_common.errors import ConfigurationError
 
 
@@ -28,16 +28,13 @@ def declare_from(node: Node, config_class: type) -> Any:
     Raises a ConfigurationError if a value has the wrong type, is out of range or is refused by
     the dataclass.
     """
-    def declare(name: str, default: Any, kind: Any, metadata: Mapping) -> Any:
+    for name, default, kind, metadata in leaves(config_class):
         try:
-            parameter = node.declare_parameter(
-                name, list(default) if isinstance(default, tuple) else default,
-                _descriptor(metadata, kind))
+            node.declare_parameter(name, list(default) if isinstance(default, tuple) else default,
+                                   _descriptor(metadata, kind))
         except ParameterException as error:
             raise ConfigurationError(f"parameter '{name}': {error}") from error
-        return checked(f"parameter '{name}'", parameter.value, kind, metadata)
-
-    return built(config_class, declare)
+    return _values(node, config_class, {})
 
 
 def follow_changes(node: Node, config_class: type, apply: Callable[[Any], None]) -> None:
@@ -47,20 +44,21 @@ def follow_changes(node: Node, config_class: type, apply: Callable[[Any], None])
     Values of the wrong type, out of range, or refused by the dataclass are not set; the answer
     says why. The parameters must have been declared by `declare_from`.
     """
-    def of(changed: Mapping[str, Any]) -> Any:
-        return built(config_class, lambda name, _, kind, metadata: checked(
-            f"parameter '{name}'",
-            changed[name] if name in changed else node.get_parameter(name).value, kind, metadata))
-
     def check(parameters: list[Parameter]) -> SetParametersResult:
         try:
-            of({parameter.name: parameter.value for parameter in parameters})
+            _values(node, config_class, {it.name: it.value for it in parameters})
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(check)
-    node.add_post_set_parameters_callback(lambda _: apply(of({})))
+    node.add_post_set_parameters_callback(lambda _: apply(_values(node, config_class, {})))
+
+
+def _values(node: Node, config_class: type, changed: Mapping[str, Any]) -> Any:
+    """Return the dataclass of a node's parameters with some of them changed."""
+    values = {name: node.get_parameter(name).value for name, *_ in leaves(config_class)}
+    return built(config_class, {**values, **changed}, called="parameter '{}'")
 
 
 def _descriptor(metadata: Mapping, kind: Any) -> ParameterDescriptor:
