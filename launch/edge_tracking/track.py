@@ -17,14 +17,13 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
-from rclpy.clock import Clock, ClockType
-from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import SetBool
 from unique_identifier_msgs.msg import UUID
 
 from edge_tracking.goals import feedback_text, goal_message, TrackConfig
 from edge_tracking.launch_interrupt import PREFIX
-from tactile_common.ros.node import TactileNode
+from tactile_common.ros.node import LATCHED, TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact, SensorInfo, ServoReason, ServoStatus
@@ -73,19 +72,17 @@ class TrackNode(TactileNode):
         self._sent = self._tared = self._seen = self._robot = self._felt = False
         action = self.config.action
         self._client = ActionClient(self, ACTIONS[action].type, action)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.create_subscription(SensorInfo, 'sensor_info', self._on_info, latched)
+        self.create_subscription(SensorInfo, 'sensor_info', self._on_info, LATCHED)
         self._contacts = self.create_subscription(
             Contact, 'contact', self._on_contact, qos_profile_sensor_data)
         self._statuses = self.create_subscription(
             ServoStatus, 'servo_status', self._on_status, 1)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._ready_timer = self.create_timer(0.05, self._try_to_start, clock=steady)
+        self._ready_timer = self.create_timer(0.05, self._try_to_start, clock=self.steady)
         self._deadline = time.monotonic() + self.config.wait
         if self.config.client_timeout:
-            self.create_timer(self.config.client_timeout / BEATS, self._beat, clock=steady)
+            self.create_timer(self.config.client_timeout / BEATS, self._beat, clock=self.steady)
         self._heard = 0.0  # steady time [s] of the servo's last message
-        self.create_timer(0.2 * SILENCE, self._check_silence, clock=steady)
+        self.create_timer(0.2 * SILENCE, self._check_silence, clock=self.steady)
         # In a separate process group: Ctrl-C ends the goal first, and then its recording.
         self._recorder = subprocess.Popen(
             [*PREFIX.split(), sys.executable, '-c', RECORD, self.config.record, '--namespace',

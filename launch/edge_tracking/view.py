@@ -14,7 +14,6 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 import numpy as np
-from rclpy.clock import Clock, ClockType
 from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
 from rclpy.timer import Timer
 from sensor_msgs.msg import Image
@@ -86,8 +85,7 @@ class ViewNode(TactileNode):
         self._timer: Timer | None = None
         self._shown: dict[str, Any] = {}
         self._top, self._rate, self._last = 0.0, 0.0, (0, 0)
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)  # runs while a replay is paused
-        self.create_timer(ATTENTION, self._attend, clock=self._steady)
+        self.create_timer(ATTENTION, self._attend, clock=self.steady)
         self.get_logger().info(f'live view at {self._server.url}')
 
     @property
@@ -102,7 +100,7 @@ class ViewNode(TactileNode):
             self._listening = [self.create_subscription(
                 kind, name, partial(self._heard.__setitem__, name), newest, raw=True)
                 for name, (kind, _) in self._read.items()]
-            self._timer = self.create_timer(PERIOD, self._show, clock=self._steady)
+            self._timer = self.create_timer(PERIOD, self._show, clock=self.steady)
         elif self._timer and not watched:
             self.destroy_timer(self._timer)
             self._timer = None
@@ -128,7 +126,7 @@ class ViewNode(TactileNode):
         self._server.newest = to_json({
             'image': image, 'contact': contact or None,
             'status': self._shown.get('servo_status'), 'position': self._shown['sensor_pose'],
-            'stamp': self._steady.now().nanoseconds}).encode()
+            'stamp': self.steady.now().nanoseconds}).encode()
         if 'image' in new and self._picture.get_subscription_count():
             self._picture.publish(drawn(header, shades, image['pitch'], contact.get('place')))
 

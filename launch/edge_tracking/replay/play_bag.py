@@ -15,9 +15,8 @@ import sys
 import time
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.publisher import Publisher
-from rosgraph_msgs.msg import Clock as ClockMsg
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from edge_tracking.recording.topics import GraphBag, short_name, topics
@@ -92,7 +91,7 @@ class PlayerNode(TactileNode):
                  paused: bool = False, wait_for: Collection[str] = (), **kwargs: Any):
         super().__init__('play_bag', **{'namespace': bag.prefix, **kwargs})
         self._wait_for, self._heard, self._last = wait_for, False, time.monotonic()
-        self._clock_publisher = self.create_publisher(ClockMsg, '/clock', 10)
+        self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
         self._publishers_of: dict[str, Publisher] = {}
         first = 'image' if 'image' in bag.topic else 'contact'
         aside = (*ASIDE, *OF_IMAGES) if first == 'image' else ASIDE
@@ -112,7 +111,7 @@ class PlayerNode(TactileNode):
         self._first = self._publishers_of[bag.topic[first]]
         self.playback = Playback(bag, list(self._publishers_of), rate, loop, paused)
         self.create_service(SetBool, '~/pause', self._on_pause)
-        self.create_timer(TICK, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(TICK, self._on_tick, clock=self.steady)
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> Any:
         self.playback.paused, response.success = request.data, True
@@ -124,7 +123,7 @@ class PlayerNode(TactileNode):
         self._heard = self._heard or self._first.get_subscription_count() > 0 and all(
             map(self.count_publishers, self._wait_for))
         due = self.playback.advance(elapsed) if self._heard else []
-        message = ClockMsg()
+        message = Clock()
         set_stamp(message.clock, self.playback.now_ns)
         self._clock_publisher.publish(message)
         for row in due:

@@ -22,6 +22,7 @@ from tactile_common.ros.cdr import known
 DIAGNOSTICS_PERIOD = 1.0  # s
 # No warning of a missing input for this time: nodes start together, and some load kernels [s].
 START_UP = 20.0
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 PARTS = ('tactile_common', 'numpy', 'scipy', 'numba')  # versions are published
 
 
@@ -53,6 +54,8 @@ class TactileNode(Node):
     ----------
     texts : dict of str
         Contents of files, published in place of the parameters that name these files.
+    steady : Clock
+        Clock of timers that must run even if simulated time stands still.
     errors : int
         Number of messages, answers and the like that could not be sent.
     """
@@ -64,13 +67,11 @@ class TactileNode(Node):
         super().__init__(name, **kwargs)
         self._begun = time.monotonic()
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self.create_timer(DIAGNOSTICS_PERIOD, lambda: self._on_diagnose(),
-                          clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(DIAGNOSTICS_PERIOD, lambda: self._on_diagnose(), clock=self.steady)
         self.texts: dict[str, str] = {}
-        self._settings = self.create_publisher(ParameterEvent, 'parameters', QoSProfile(
-            depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-        self._begin = self.create_timer(0.0, self._on_begin, clock=Clock(
-            clock_type=ClockType.STEADY_TIME))
+        self._settings = self.create_publisher(ParameterEvent, 'parameters', LATCHED)
+        self._begin = self.create_timer(0.0, self._on_begin, clock=self.steady)
 
     def _on_begin(self) -> None:
         """Publish all parameters, which are now declared, and again after every change."""

@@ -10,12 +10,12 @@ from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 from rclpy.lifecycle import LifecycleNodeMixin, TransitionCallbackReturn
-from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import Trigger
 
 from tactile_common.config import bounded, documented, one_of
 from tactile_common.errors import ConfigurationError
-from tactile_common.ros.node import TactileNode
+from tactile_common.ros.node import LATCHED, TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import SensorInfo as SensorInfoMsg
@@ -80,8 +80,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         self._reported: tuple[float, dict] = (time.monotonic(), {})
         self._shown: tuple[bytes, str] | None = None
         self._images = self.create_publisher(TactileImageMsg, 'image', qos_profile_sensor_data)
-        self._infos = self.create_publisher(SensorInfoMsg, 'sensor_info', QoSProfile(
-            depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        self._infos = self.create_publisher(SensorInfoMsg, 'sensor_info', LATCHED)
         self.create_service(Trigger, '~/tare', self._on_tare)
         self._configure()
         if self._config.autostart:

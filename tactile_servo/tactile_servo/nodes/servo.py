@@ -7,8 +7,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
-from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
@@ -17,7 +16,7 @@ from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.parameter_file import parameters_of, refuse_unknown
 from tactile_common.ros.cdr import unpacked
 from tactile_common.ros.conversions import NS, pose_to_msg, set_stamp, stamp_to_ns
-from tactile_common.ros.node import TactileNode
+from tactile_common.ros.node import LATCHED, TactileNode
 from tactile_common.ros.parameters import declare_from, follow_changes
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact as ContactMsg
@@ -47,7 +46,6 @@ from tactile_servo.types import State
 GUARD_PERIOD = 0.1  # s between checks of the graph
 JOURNAL_LENGTH = 50  # calls in a message: about 10 cycles
 _NEWEST = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class EdgeServoNode(TactileNode):
@@ -93,7 +91,7 @@ class EdgeServoNode(TactileNode):
         self._calls = self.create_publisher(ServoCalls, 'servo_calls', 100)
         self._touches = self.create_publisher(
             PoseStamped, 'surface_contact', 10) if law_named(config.law).maps_surface else None
-        self.create_subscription(SensorInfo, 'sensor_info', self._on_sensor, _LATCHED)
+        self.create_subscription(SensorInfo, 'sensor_info', self._on_sensor, LATCHED)
         self.create_subscription(ContactMsg, 'contact', self._on_contact, _NEWEST, raw=True)
         self.create_subscription(  # for every law, because an image also gives the load
             TactileImage, 'image', self._on_image, _NEWEST, raw=True)
@@ -105,15 +103,13 @@ class EdgeServoNode(TactileNode):
             self.create_service(TeachFeatures, '~/teach', self._on_teach)
         self._server = GoalServer(self, self._servo, law_named(config.law).action,
                                   self._model.root_frame, self._check_surroundings)
-        # A steady clock, so that the watchdogs run even if simulated time stands still.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(self._pace.period, self._on_timer, clock=steady)
+        self._timer = self.create_timer(self._pace.period, self._on_timer, clock=self.steady)
         # Time of the node's clock; for the system clock, time_ns is several times faster.
         self._now_ns = self._simulated_ns if self.get_parameter('use_sim_time').value else time_ns
         self._guard = GraphGuard(
             self, ('image', 'contact', '/joint_states', self._trajectory.topic),
             config.shared_topics, config.controller, self._on_reference)
-        self.create_timer(GUARD_PERIOD, self._check_surroundings, clock=steady)
+        self.create_timer(GUARD_PERIOD, self._check_surroundings, clock=self.steady)
         self.add_on_set_parameters_callback(_keep_the_clock)
 
     def _simulated_ns(self) -> int:

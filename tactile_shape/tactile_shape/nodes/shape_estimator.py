@@ -7,7 +7,7 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 import numpy as np
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
@@ -15,7 +15,7 @@ from tactile_common.config import one_of
 from tactile_common.errors import TactileError
 from tactile_common.ros.cdr import DAMAGE, stamp_of, unpacked
 from tactile_common.ros.conversions import pose_from_msg, set_stamp, stamp_to_ns
-from tactile_common.ros.node import TactileNode
+from tactile_common.ros.node import LATCHED, TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_common.state_buffer import NS
@@ -42,7 +42,6 @@ PERIOD_NS = NS  # between two contours, and two sets of markers, by the stamps o
 # Patches are not time-critical, so long queues avoid losses on a busy machine.
 _LATE, _POSES = (QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
                  for depth in (WAITING, 3 * WAITING))
-_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @dataclass(frozen=True)
@@ -69,8 +68,8 @@ class ShapeTopics:
     def __init__(self, create_publisher: Callable[..., Any], warn: Callable[[str], None],
                  own: ShapeEstimatorConfig, surface: LocalQuadricConfig):
         self._warn = warn
-        self._contours = create_publisher(Path, 'contour', _LATCHED)
-        self._markers = create_publisher(MarkerArray, 'markers', _LATCHED)
+        self._contours = create_publisher(Path, 'contour', LATCHED)
+        self._markers = create_publisher(MarkerArray, 'markers', LATCHED)
         self._patches = create_publisher(SurfacePatch, 'surface_patch', 10)
         self.path, self._touched_ns = ContactPath(surface.finger_radius), 0
         self.by_servo = own.source == 'servo'
