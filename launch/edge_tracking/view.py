@@ -116,8 +116,7 @@ class ViewNode(TactileNode):
                 if raw := self._heard.pop(name, None):
                     new[name] = read(unpacked(raw, kind))
             except TactileError as error:
-                self.get_logger().warning(
-                    f'{name} ignored: {error}', throttle_duration_sec=5.0)
+                self._warn(f'{name} ignored: {error}')
         if not new:
             return
         self._shown = {**self._shown, 'sensor_pose': None, **new}

@@ -114,6 +114,10 @@ class TactileNode(Node):
             known(msg_type)
         return super().create_subscription(msg_type, *arguments, raw=raw, **kwargs)
 
+    def _warn(self, text: str) -> None:
+        """Log a warning, at most one in five seconds."""
+        self.get_logger().warning(text, throttle_duration_sec=5.0)
+
     def count_error(self, error: Exception, what: str = '') -> None:
         """Count and log an error of rcl; raise it again if the context is shut down."""
         if not self.context.ok():

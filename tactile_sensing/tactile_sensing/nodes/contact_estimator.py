@@ -35,9 +35,6 @@ class ContactEstimatorNode(TactileNode):
         self.create_subscription(
             TactileImageMsg, 'image', self._on_image, qos_profile_sensor_data, raw=True)
 
-    def _warn(self, text: str) -> None:
-        self.get_logger().warning(text, throttle_duration_sec=5.0)
-
     def _on_image(self, raw: bytes) -> None:
         try:
             msg = unpacked(raw, TactileImageMsg)

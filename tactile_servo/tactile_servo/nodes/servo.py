@@ -131,9 +131,6 @@ class EdgeServoNode(TactileNode):
         """Whether the node was asked to stop and the result of its goal has been sent."""
         return self._stopping is not None and self._server is not None and self._server.all_sent
 
-    def _warn(self, text: str) -> None:
-        self.get_logger().warning(text, throttle_duration_sec=5.0)
-
     def _check_frame(self, msg: Any) -> None:
         tip = self._status_msg.header.frame_id
         if msg.header.frame_id != tip:

@@ -189,9 +189,6 @@ class ShapeEstimatorNode(TactileNode):
         self.create_subscription(ContactMsg, 'contact', self._on_contact, _LATE)
         self.create_subscription(PoseStamped, 'sensor_pose', self._shape.take_pose, _POSES)
 
-    def _warn(self, text: str) -> None:
-        self.get_logger().warning(text, throttle_duration_sec=5.0)
-
     def _on_contact(self, msg: ContactMsg) -> None:
         lost = self._shape.path.lost
         try:

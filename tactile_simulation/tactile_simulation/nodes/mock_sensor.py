@@ -101,8 +101,7 @@ class MockSensorNode(TactileNode):
             with self._lock:
                 self._poses.add(stamp_to_ns(message.header.stamp), pose)
         except TactileError as error:
-            self.get_logger().warning(
-                f'sensor_pose is ignored: {error}', throttle_duration_sec=5.0)
+            self._warn(f'sensor_pose is ignored: {error}')
 
     def _frame(self, instant: float) -> np.ndarray | None:
         """Return the counts of a frame at an instant of the steady clock; None: do not send it."""
