@@ -16,6 +16,7 @@ from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
+from edge_tracking.recording import record_bag
 from edge_tracking.recording.record_bag import RecorderNode
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Bag
@@ -24,10 +25,10 @@ from tactile_common.ros.runner import make_executor, spin
 from tactile_msgs.msg import SensorInfo
 
 
-def record(context, path, topics, publish, make=make_executor, **options):
+def record(context, path, topics, publish, make=make_executor):
     """Record what `publish(node)`, a generator, publishes with its topics matched."""
     executor = make(context=context)
-    recorder = RecorderNode(path, topics, context=context, **options)
+    recorder = RecorderNode(path, topics, context=context)
     publisher = Node('publisher', context=context)
     executor.add_node(recorder)
     executor.add_node(publisher)
@@ -36,7 +37,6 @@ def record(context, path, topics, publish, make=make_executor, **options):
         published.append(message)
         spin(executor, context, lambda: recorder.written + len(recorder._waiting)
              + recorder.dropped >= len(published))
-    recorder.close()
     recorder.destroy_node()
     publisher.destroy_node()
     executor.shutdown()
@@ -74,8 +74,9 @@ def test_recorder_writes_every_message_in_order(context, tmp_path, make):
     assert times == sorted(times)
 
 
-def test_recorder_bounds_its_memory_and_counts_what_it_drops(context, tmp_path):
-    recorder = record(context, tmp_path / 'bag', POSE, numbered(20), max_waiting=0)
+def test_recorder_bounds_its_memory_and_counts_what_it_drops(context, tmp_path, monkeypatch):
+    monkeypatch.setattr(record_bag, 'MAX_WAITING', 0)
+    recorder = record(context, tmp_path / 'bag', POSE, numbered(20))
     assert (recorder.written, recorder.dropped) == (0, 20)
 
 

@@ -5,7 +5,7 @@ The recording stays readable if the process is killed or the disk is full. Exit 
 recording ended early; the last line says why.
 """
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -111,15 +111,15 @@ class RecorderNode(TactileNode):
     """
     Records topics as raw bytes, without deserialisation, into a new folder.
 
-    The callbacks only append to a queue; a thread writes. At most `max_waiting` messages wait;
+    The callbacks only append to a queue; a thread writes. At most `MAX_WAITING` messages wait;
     any more are dropped and counted. The diagnostics name the topics that were received. `failed`
     says why the recording ended early; it is empty while it continues.
     """
 
-    def __init__(self, path: str | Path, topics: Sequence[tuple[str, Any, QoSProfile]], *,
-                 max_waiting: int = MAX_WAITING, **kwargs: Any):
+    def __init__(self, path: str | Path, topics: Sequence[tuple[str, Any, QoSProfile]],
+                 **kwargs: Any):
         self._closed, self._heard = threading.Event(), set[str]()
-        self._waiting, self._max_waiting = deque[tuple[str, int, bytes]](), max_waiting
+        self._waiting = deque[tuple[str, int, bytes]]()
         self.written = self.dropped = 0
         self.failed = ''
         self._writer = BagWriter(path, topics)
@@ -127,31 +127,23 @@ class RecorderNode(TactileNode):
         self._thread = threading.Thread(target=self._write_forever, name='bag writer')
         super().__init__('recorder', **kwargs)
         for name, kind, qos in topics:
-            self.create_subscription(kind, name, self._callback(name), qos, raw=True)
+            self.create_subscription(kind, name, partial(self._take, name), qos, raw=True)
         self._thread.start()
 
-    def _callback(self, name: str) -> Callable[[bytes], None]:
-        waiting = self._waiting
-
-        # One argument only: the events executor cannot pass the message info with raw bytes, so
-        # the time of reception is taken here. It is the system time, as in `ros2 bag record`;
-        # to make an rclpy Time takes longer than everything else here.
-        def take(data: bytes) -> None:
-            if len(waiting) < self._max_waiting:
-                waiting.append((name, time_ns(), data))
-            else:
-                self.dropped += 1
-        return take
-
-    def close(self) -> None:
-        """Write the waiting messages and finish the bag; recording stops."""
-        self._closed.set()
-        if self._thread.ident and threading.current_thread() is not self._thread:
-            self._thread.join()
+    def _take(self, name: str, data: bytes) -> None:
+        # The events executor cannot pass the message info with raw bytes, so the time of reception
+        # is taken here. It is the system time, as in `ros2 bag record`; to make an rclpy Time
+        # takes longer than everything else here.
+        if len(self._waiting) < MAX_WAITING and not self.failed:
+            self._waiting.append((name, time_ns(), data))
+        else:
+            self.dropped += 1
 
     def destroy_node(self) -> None:
-        """Finish the bag, then destroy the node."""
-        self.close()
+        """Write the waiting messages and finish the bag, then destroy the node."""
+        self._closed.set()
+        if self._thread.ident:
+            self._thread.join()
         super().destroy_node()
 
     def _write_forever(self) -> None:
@@ -161,7 +153,6 @@ class RecorderNode(TactileNode):
             self._write_waiting()
             self._writer.close()
         except OSError as error:
-            self._max_waiting = 0  # drop all further messages
             self.failed = f'recording ended early: {error.strerror or error}'
             self._writer.abort()
             self.get_logger().error(self.failed)
