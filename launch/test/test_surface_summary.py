@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from recorded_run import with_columns
 
-from edge_tracking.recording.run import CONTACTS, Images, POSES, RunData, STATUSES
+from edge_tracking.recording.run import POSES, STATUSES
 from edge_tracking.recording.summary import shape_of_surface, Shown, summarise, truth
 from edge_tracking.report.page import make_report
 from tactile_sensing.dome.finite_elements import SkinConfig
@@ -19,7 +19,7 @@ RADIUS = 0.035
 
 
 def shape_of(patches):
-    felt, shape = shape_of_surface(SimpleNamespace(patches=patches, touches=POSES.of()))
+    felt, shape = shape_of_surface(SimpleNamespace(patches=patches, touches=POSES.of([])))
     assert felt.shape == (0, 3)
     return shape
 
@@ -46,7 +46,7 @@ def test_a_winding_way_sees_all_of_a_ball_a_straight_one_not_that_it_bends_acros
     assert not told['surface_seen_across']
 
 
-def rolled(scene, outward):
+def rolled(empty, scene, outward):
     """Run whose probe was pressed 0.6 mm into a ball along each of unit vectors (N, 3)."""
     count, dome = len(outward), scene.dome
     centre = np.array(scene.surface.top) - [0.0, 0.0, RADIUS]
@@ -63,18 +63,18 @@ def rolled(scene, outward):
         np.zeros(count, STATUSES.dtype).view(np.recarray), stamp_ns=stamps, controller='law',
         state=State.TRACK, progress=np.linspace(0.0, 0.04, count), reason='length reached',
         force_target=5.0, reason_code=ReasonCode.LENGTH_REACHED)
-    none = np.empty(0, np.int64)
-    return RunData('/tactile', stamps[0], Images(np.empty((0, 0, 0)), None, '', none, none),
-                   CONTACTS.of(), statuses, POSES.of([*zip(stamps, poses, strict=True)]),
-                   np.zeros((0, 3)), [patch for patch in patches(outward) if patch.valid], None,
-                   touches=POSES.of([*zip(stamps, touches, strict=True)]))
+    return replace(
+        empty, start_ns=stamps[0], statuses=statuses, nodes=frozenset(),
+        poses=POSES.of([*zip(stamps, poses, strict=True)]),
+        patches=[patch for patch in patches(outward) if patch.valid],
+        touches=POSES.of([*zip(stamps, touches, strict=True)]))
 
 
-def test_a_run_over_a_ball_is_measured_against_it(tmp_path):
+def test_a_run_over_a_ball_is_measured_against_it(empty, tmp_path):
     scene = replace(load_scene('surfaces/sphere_70'), rubber=SkinConfig(across=15, layers=4))
     angle = np.linspace(-0.6, 0.6, 120)
     way = np.column_stack([0.1 * np.sin(20.0 * angle), np.sin(angle), np.cos(angle)])
-    run = rolled(scene, way / np.linalg.norm(way, axis=1, keepdims=True))
+    run = rolled(empty, scene, way / np.linalg.norm(way, axis=1, keepdims=True))
     real = truth(run, scene)
     summary = summarise(run, scene, real)
     assert summary['ok'] and summary['contact_kept'] == 1.0 and not summary['broken']

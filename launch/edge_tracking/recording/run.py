@@ -2,8 +2,7 @@
 from array import array
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 import json
 from operator import attrgetter
 from pathlib import Path
@@ -57,7 +56,7 @@ class Table:
         """Return the record of a message."""
         return tuple([read(message) for read in self._read])
 
-    def of(self, rows: Sequence[tuple] = ()) -> np.recarray:
+    def of(self, rows: Sequence[tuple]) -> np.recarray:
         """Return the array of some records; its attributes are the columns."""
         return np.array([*rows], self.dtype).view(np.recarray)
 
@@ -105,16 +104,13 @@ class RunData:
     contour: np.ndarray  # (N, 3), points of the newest contour [m]
     patches: list  # every valid Patch of a surface
     info: SensorInfo | None  # the newest; None if the recording lacks it
-    joint_acceleration: np.ndarray = field(  # (K, n), from the joint states [rad/s^2]
-        default_factory=lambda: np.empty((0, 0)))
-    stamps: Mapping[str, np.ndarray] = field(  # stamps of all messages [ns] by topic name
-        default_factory=lambda: defaultdict(partial(np.empty, 0, np.int64)))
-    every: Mapping[str, int] = field(default_factory=dict)  # one of this many was read
-    goals: Sequence[Mapping[str, Any]] = ()  # fields of each goal
-    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by node
-    nodes: frozenset[str] = frozenset()  # names of the nodes with diagnostics
-    touches: np.recarray = field(  # contacts with a surface, z along the outward normal
-        default_factory=POSES.of)
+    joint_acceleration: np.ndarray  # (K, n), from the joint states [rad/s^2]
+    stamps: Mapping[str, np.ndarray]  # stamps of all messages [ns] by topic name
+    every: Mapping[str, int]  # by topic name; one of this many messages was read
+    goals: Sequence[Mapping[str, Any]]  # fields of each goal
+    parameters: Mapping[str, Mapping[str, Any]]  # by node
+    nodes: frozenset[str]  # names of the nodes with diagnostics
+    touches: np.recarray  # contacts with a surface, z along the outward normal
 
     def seconds(self, time_ns: Any) -> np.ndarray:
         """Convert times [ns] to seconds since the first message that was read."""
