@@ -79,7 +79,8 @@ class ViewNode(TactileNode):
         self._read: dict[str, tuple[type, Callable[[Any], Any]]] = {
             'image': (TactileImage, self._image), 'contact': (Contact, _contact),
             'servo_status': (ServoStatus, _status),
-            'sensor_pose': (PoseStamped, _position)}
+            'sensor_pose': (PoseStamped, lambda message: [
+                getattr(message.pose.position, axis) for axis in 'xyz'])}
         self._heard: dict[str, bytes] = {}  # newest message by topic
         self._listening: list[Any] = []
         self._timer: Timer | None = None
@@ -87,11 +88,6 @@ class ViewNode(TactileNode):
         self._top, self._rate, self._last = 0.0, 0.0, (0, 0)
         self.create_timer(ATTENTION, self._attend, clock=self.steady)
         self.get_logger().info(f'live view at {self._server.url}')
-
-    @property
-    def url(self) -> str:
-        """Address of the page."""
-        return self._server.url
 
     def _attend(self) -> None:
         watched = self._server.watched or self._picture.get_subscription_count()
@@ -171,11 +167,6 @@ def _contact(message: Any) -> dict[str, Any]:
 def _status(message: Any) -> dict[str, Any]:
     return {'state': _name(State, message.state), 'reason': message.reason,
             'speed': message.speed, 'progress': message.progress}
-
-
-def _position(message: Any) -> list[float]:
-    place = message.pose.position
-    return [place.x, place.y, place.z]
 
 
 def _name(kind: Any, number: int) -> str:

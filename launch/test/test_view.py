@@ -113,7 +113,7 @@ def test_view_of_a_sensor():
                       '/tactile/image', '/tactile/contact', '/tactile/servo_status')]
         spin(graph, lambda: False, 1.0)
         assert not any(it.get_subscription_count() for it, _ in topics)  # nobody looks
-        port = int(view.url.rpartition(':')[2].strip('/'))
+        port = int(view._server.url.rpartition(':')[2].strip('/'))
         connection = HTTPConnection('127.0.0.1', port, timeout=10.0)
 
         def newest():
