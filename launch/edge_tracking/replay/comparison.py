@@ -1,18 +1,25 @@
-"""Comparison of recorded and replayed messages: which fields differ, by how much, and when."""
+"""What a replay makes: messages, compared with recorded ones, a new recording and tables."""
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack
+import csv
 from dataclasses import dataclass, field, is_dataclass
 import math
+from operator import attrgetter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from edge_tracking.recording.topics import KINDS
+from edge_tracking.recording.record_bag import BagWriter
+from edge_tracking.recording.topics import KINDS, topics
 from tactile_common.config import did_you_mean
 from tactile_common.errors import ConfigurationError
 from tactile_common.ros.bag_reader import Recorded
-from tactile_common.ros.cdr import stamp_of, unpacked
+from tactile_common.ros.cdr import packed, stamp_of, unpacked
 from tactile_common.ros.conversions import NS
+from tactile_sensing.types.contact import Contact, REALS
+from tactile_servo.types import Status
 
 # Of all values, and of some. Other processors and numbers of BLAS threads round the fits of
 # contacts and shapes differently: seen are 1e-6 of a variance. Times are whole nanoseconds.
@@ -28,6 +35,11 @@ SKIPPED = ('contact', 'wrench', 'surface_patch')
 OF_ALL = 'contour'
 DURATION = 'builtin_interfaces/msg/Duration'
 FIRST = 10  # differences that are listed
+_REALS = ('lateral_error', 'longitudinal_error', 'angle_error', 'normal_force', 'force_target',
+          'speed', 'progress', 'limit_scale', 'manipulability')
+# Columns of the tables.
+CONTACTS = ('stamp_ns', 'type', 'valid', 'force_valid', 'reasons', *REALS)
+CYCLES = ('stamp_ns', 'steady', 'state', 'reason_code', *_REALS, 'window')
 
 
 @dataclass
@@ -116,13 +128,10 @@ class Comparison:
     @property
     def equal(self) -> bool:
         """True if something was compared and nothing differs."""
-        counts = [(topic, it.compared, it.differing, *it.only)
-                  for topic, it in self.topics.items()]
-        skipped = any(replayed for topic, *_, replayed in counts if topic in SKIPPED)
-        return bool(counts) and all(
-            compared and not (differing or recorded or (replayed and topic not in SKIPPED))
-            for topic, compared, differing, recorded, replayed in counts
-            if not (skipped and topic == OF_ALL))
+        skipped = any(it.only[1] for topic, it in self.topics.items() if topic in SKIPPED)
+        return bool(self.topics) and all(
+            it.compared and not (it.differing or any(it.only[:1 if topic in SKIPPED else 2]))
+            for topic, it in self.topics.items() if not (skipped and topic == OF_ALL))
 
     def table(self) -> str:
         """Return a short table of the compared topics, the first differences and the verdict."""
@@ -185,3 +194,57 @@ def distance(one: Any, other: Any) -> float:
     differ = ~((a == b) | np.isnan(a))
     a, b = a[differ], b[differ]
     return float((np.abs(a - b) / np.fmax(np.abs(a), 1.0)).max(initial=0.0))
+
+
+class Output:
+    """
+    Takes the results of a replay; `counts` are the numbers of messages by topic.
+
+    They are compared and, if there is a new folder, written to a recording and tables in it, which
+    the stack closes.
+    """
+
+    def __init__(self, comparison: Comparison, folder: Path | None, namespace: str,
+                 stack: ExitStack):
+        self.counts: Counter[str] = Counter()
+        self._comparison = comparison
+        self._writer: BagWriter | None = None
+        self._tables: dict[str, Any] = {}
+        if folder is None:
+            return
+        try:
+            folder.mkdir(parents=True)
+        except OSError as error:
+            raise ConfigurationError(f'-o {folder}: {error.strerror}') from error
+        self._writer = BagWriter(folder / 'bag', topics(namespace))
+        stack.callback(self._writer.close)
+        for name, columns in (('contacts', CONTACTS), ('cycles', CYCLES)):
+            file = stack.enter_context((folder / f'{name}.csv').open('w', newline=''))
+            self._tables[name] = csv.writer(file)
+            self._tables[name].writerow(columns)
+
+    def copy(self, name: str, time_ns: int, data: bytes) -> None:
+        """Write a message of a topic to the recording."""
+        if self._writer:
+            self._writer.write(name, time_ns, data)
+
+    def message(self, name: str, time_ns: int, message: Any) -> None:
+        """Write and compare a message that the replay has made."""
+        data = packed(message)
+        self.counts[name] += 1
+        self.copy(name, time_ns, data)
+        self._comparison.take(name, data)
+
+    def contact(self, stamp_ns: int, contact: Contact) -> None:
+        """Write a row of the contacts."""
+        if self._tables:
+            self._tables['contacts'].writerow((
+                stamp_ns, int(contact.type), int(contact.valid), int(contact.force_valid),
+                int(contact.reasons), *attrgetter(*REALS)(contact)))
+
+    def cycle(self, now: float, now_ns: int, status: Status, has_window: bool) -> None:
+        """Write a row of the control cycles."""
+        if self._tables:
+            self._tables['cycles'].writerow((
+                now_ns, now, status.state.name.lower(), int(status.reason.code),
+                *attrgetter(*_REALS)(status), int(has_window)))

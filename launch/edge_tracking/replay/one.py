@@ -23,8 +23,7 @@ from rclpy.parameter import Parameter
 from edge_tracking.parameters import SERVO
 from edge_tracking.recording.settings import Settings
 from edge_tracking.recording.topics import GraphBag, OF_SENSORS
-from edge_tracking.replay.comparison import COMPARED, Comparison
-from edge_tracking.replay.output import Output
+from edge_tracking.replay.comparison import COMPARED, Comparison, Output
 from edge_tracking.replay.servo_core import ServoCore
 from tactile_common.command_line import version_of_all
 from tactile_common.errors import ConfigurationError, TactileError
@@ -144,9 +143,8 @@ class Replay:
         self._comparison = Comparison(
             options.tolerances,
             COMPARED.keys() & self._made & self._reference.topic.keys() if self._compares else ())
-        self.output = Output(self._comparison)
-        if options.out is not None:
-            self.output.open(options.out, self.bag.prefix.strip('/'), stack)
+        self.output = Output(
+            self._comparison, options.out, self.bag.prefix.strip('/'), stack)
         for node, values in settings.changed.items():  # also in the written recording
             self.output.copy('parameters', self.bag.span[0], packed(ParameterEvent(
                 node=f'{self.bag.prefix}/{node}', changed_parameters=[

@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped
 
 from edge_tracking.parameters import SERVO
 from edge_tracking.recording.settings import Settings
-from edge_tracking.replay.output import Output
+from edge_tracking.replay.comparison import Output
 from tactile_common.errors import TactileError
 from tactile_common.ros.conversions import NS, pose_to_msg, set_stamp
 from tactile_msgs.msg import ServoStatus
