@@ -4,13 +4,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tactile_common.errors import SurfaceError
+from tactile_shape.types.patch import Kind, Patch
 from tactile_shape.types.surface_matrix import SurfaceMatrix
-from tactile_shape.types.tangent import (
-    height,
-    principal_curvatures,
-    tangent_frame,
-    turn_about_z,
-)
+from tactile_shape.types.tangent import principal_curvatures, tangent_frame, turn_about_z
 
 
 def plane(normal=(0.0, 0.0, 1.0), offset=0.0):
@@ -129,13 +125,18 @@ def test_value_is_that_of_the_closed_forms():
         np.testing.assert_allclose(2.0 * R * surface.value(points), expected, atol=1e-15)
 
 
-def test_height_is_exact_for_plane_sphere_and_cylinder():
+def test_a_sheet_is_exact_for_plane_sphere_and_cylinder():
+    def sheet(curvature, places):
+        return Patch(Kind.GENERAL, True, '', '', frame=np.eye(4),
+                     curvature=np.array(curvature)).sheet(places)
+
     u = np.random.default_rng(2).uniform(-0.6 * R, 0.6 * R, (200, 2))
-    for surface, curvature in ((SPHERE, np.eye(2) / R), (CYLINDER, np.diag([1 / R, 0.0])),
-                               (PLANE, np.zeros((2, 2)))):
-        points = np.column_stack([u, height(curvature, u)])
+    for surface, curvature in ((SPHERE, [1 / R, 1 / R]), (CYLINDER, [1 / R, 0.0]),
+                               (PLANE, [0.0, 0.0])):
+        points = sheet(curvature, u)
+        np.testing.assert_array_equal(points[:, :2], u)
         np.testing.assert_allclose(surface.value(points), 0.0, atol=1e-16)
-    assert np.isnan(height(np.eye(2) / R, [1.1 * R, 0.0]))
+    assert np.isnan(sheet([1 / R, 1 / R], np.array([[1.1 * R, 0.0]]))[:, 2]).all()
 
 
 def test_tangent_frame_and_principal_axes():

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_shape.types.patch import Kind, PRIOR_CURVATURE
-from tactile_shape.types.tangent import Principal, principal, principal_curvatures, turn_about_z
+from tactile_shape.types.tangent import Principal, principal_curvatures, turn_about_z
 
 PASSES = 3  # the weights depend on K and no longer change after three passes
 ENOUGH = 10  # number of cells needed to estimate the noise from residuals
@@ -217,7 +217,7 @@ def _path_frame(u: np.ndarray, weights: np.ndarray, std: float) -> tuple[np.ndar
     """Return the rotation (3, 3) of x along a path (m, 2), and how many of K it determines."""
     off = u - weights @ u / weights.sum()
     spread = (weights[:, None] * off).T @ off / weights.sum()
-    large, small, heading = principal(spread[0, 0], spread[0, 1], spread[1, 1])
+    large, small, heading = principal_curvatures(spread[0, 0], spread[0, 1], spread[1, 1])
     # Noise of `std` [m] along the surface makes a path look wider. Without a path, its direction
     # would be that of rounding errors.
     fuzz = CLEAR * std**2 * len(weights) / weights.sum() + 1e-24

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from tactile_shape.types.surface_matrix import SurfaceMatrix
-from tactile_shape.types.tangent import height
 
 
 class Kind(IntEnum):
@@ -84,9 +83,14 @@ class Patch:
         """
         Return points (N, 3) of the patch over places (N, 2) of its tangent plane [m].
 
-        They are NaN beyond the border, where the surface is perpendicular to the tangent plane.
+        Their heights solve z (1 + n_z) / 2 = u' K u / 2 with n_xy = -K u: exact for plane, sphere
+        and cylinder, however large the arc. They are NaN beyond the border, where the surface is
+        perpendicular to the tangent plane.
         """
-        z = height(np.diag(self.curvature), places)
+        slope = places * self.curvature
+        with np.errstate(invalid='ignore'):
+            upright = np.sqrt(1.0 - (slope**2).sum(axis=1))
+        z = (slope * places).sum(axis=1) / (1.0 + upright)
         return self.origin + np.column_stack([places, z]) @ self.frame[:3, :3].T
 
 

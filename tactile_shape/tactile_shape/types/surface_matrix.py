@@ -55,7 +55,7 @@ class SurfaceMatrix:
         Return the quadric z = u' K u / 2 + ... in its contact frame, K (2, 2) symmetric [1/m].
 
         The coefficient of z^2 is half the larger curvature. This is exact for plane, sphere and
-        cylinder, and otherwise keeps the quadric near the reduced form of `height`.
+        cylinder, and otherwise keeps the quadric near the reduced form of `Patch.sheet`.
         """
         curvature = np.array(curvature, dtype=float)
         matrix = np.zeros((4, 4))
