@@ -3,7 +3,7 @@ import numpy as np
 
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
-from tactile_shape.contour.edge_point import edge_point
+from tactile_shape.contour.contact_path import edge_point
 
 
 def compile_kernels() -> None:

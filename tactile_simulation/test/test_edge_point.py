@@ -13,8 +13,7 @@ from tactile_sensing.thesis.point import stress as point_stress
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
-from tactile_shape.contour.contact_path import locate, needs_picture
-from tactile_shape.contour.edge_point import edge_point
+from tactile_shape.contour.contact_path import edge_point, locate, needs_picture
 from tactile_simulation.render import render
 from tactile_simulation.sensor import SceneSkin
 
