@@ -10,10 +10,12 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.moments import Moments
 from tactile_servo.laws import resolved_rate
-from tactile_servo.laws.edge_features import edge_features, edge_tilt, EdgeFeatures
 from tactile_servo.laws.resolved_rate import (
     ACROSS,
+    edge_features,
+    edge_tilt,
     edge_twist,
+    EdgeFeatures,
     PRESS,
     ResolvedRateConfig,
     speed_factor,

@@ -29,7 +29,7 @@ OFFLINE_MODULES = ('*.plots', '*.plot', '*.charts', 'benchmarks.*', 'edge_tracki
 # Methods of the thesis lie in folders of this name; these modules alone reach into one: where the
 # method is chosen by its name, and a law that is the thesis' itself.
 THESIS = '*.thesis.*'
-REACH_THESIS = ('tactile_sensing.contact.estimator', 'tactile_servo.laws.edge_features',
+REACH_THESIS = ('tactile_sensing.contact.estimator', 'tactile_servo.laws.resolved_rate',
                 'tactile_shape.shape_estimator')
 # Distribution packages of what is imported, where the name differs.
 KEYS = {'numpy': 'python3-numpy', 'scipy': 'python3-scipy', 'numba': 'python3-numba',
