@@ -31,7 +31,7 @@ class SectionPath:
 
     def __init__(self, point: np.ndarray, normal: np.ndarray, direction: np.ndarray):
         self._start = point
-        self._across = _unit(np.cross(normal, _tangent(direction, normal)))
+        self._across = _axes(direction, normal)[1]
 
     def step(self, point: np.ndarray, normal: np.ndarray, gain: float,
              speed: float) -> PathStep | None:
@@ -55,8 +55,7 @@ class PlanarPath:
 
     def __init__(self, point: np.ndarray, normal: np.ndarray, direction: np.ndarray,
                  plan: np.ndarray, acceleration: float):
-        ahead = _unit(_tangent(direction, normal))
-        self._frame = np.stack([ahead, np.cross(normal, ahead), normal])  # rows
+        self._frame = np.stack([*_axes(direction, normal), normal])
         self._start = point
         corners = arc_length(plan)
         stations = np.linspace(0.0, corners[-1], max(int(corners[-1] / SPACING), 2))
@@ -115,9 +114,7 @@ def spiral(radius: float, step_over: float) -> np.ndarray:
 def seen_along(points: np.ndarray, point: np.ndarray, normal: np.ndarray,
                direction: np.ndarray) -> np.ndarray:
     """Project points (N, 3) along the first normal: a plan (N + 1, 2) from the first contact."""
-    ahead = _unit(_tangent(direction, normal))
-    axes = np.stack([ahead, np.cross(normal, ahead)])
-    return np.vstack([np.zeros(2), (points - point) @ axes.T])
+    return np.vstack([np.zeros(2), (points - point) @ _axes(direction, normal).T])
 
 
 def _speeds(plan: np.ndarray, stations: np.ndarray, acceleration: float) -> np.ndarray:
@@ -136,13 +133,12 @@ def _speeds(plan: np.ndarray, stations: np.ndarray, acceleration: float) -> np.n
     return np.sqrt(square)
 
 
-def _tangent(direction: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    direction = np.asarray(direction, dtype=float)
-    direction = direction / math.sqrt(direction @ direction)
-    along = direction - normal * (direction @ normal)
+def _axes(direction: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Return unit vectors (2, 3) in the surface, along a direction (3,) and across it."""
+    along = _unit(direction) - normal * (_unit(direction) @ normal)
     if along @ along < 1e-4:  # parallel to the normal: any direction will do
         along = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.7 else [0.0, 1.0, 0.0])
-    return along
+    return np.stack([_unit(along), np.cross(normal, _unit(along))])
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:

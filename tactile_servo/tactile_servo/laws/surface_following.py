@@ -4,6 +4,7 @@ Laws that follow a surface with a round probe: 'tactile_jacobian', and 'jacobian
 The difference of wanted and measured features of an image, times the inverse of the tactile
 Jacobian, gives the place of the contact on the pad and its force (chapter 6).
 """
+from dataclasses import dataclass, field
 import math
 from typing import ClassVar
 
@@ -27,9 +28,10 @@ from tactile_servo.law import (
     overforce,
     Reference,
     ServoLaw,
+    Touch,
     UNPLACED,
 )
-from tactile_servo.laws.surface_config import SurfaceConfig
+from tactile_servo.laws.surface_config import ProbeConfig, SurfaceConfig
 from tactile_servo.laws.surface_features import between, ContactSense, Felt, Lessons
 from tactile_servo.laws.surface_goal import (
     Pattern,
@@ -39,7 +41,6 @@ from tactile_servo.laws.surface_goal import (
     SurfaceResult,
 )
 from tactile_servo.laws.surface_motion import CENTRED, LIFT, PRESS, ROLL_RATE, STOP, SurfaceMotion
-from tactile_servo.laws.surface_record import Record
 from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.tactile_jacobian.table import load_table
@@ -52,7 +53,63 @@ RETURN_RATE = 30.0  # rate at which the contact returns to its path [1/s]
 # share of its distance from the pad's centre
 PLACE_NOISE, PLACE_ERROR = 1e-4, 0.03
 RATE_SHARE = 2.0 / 3.0  # share of `force.gain` at which 'jacobian_rate' makes up J^-1 dF
+TOUCH_SPACING = 2.5e-4  # m, least distance between the recorded contacts
+LEAST_IMAGES = 20  # images of the whole print after which its mean area is accurate enough
+AREA_WEIGHT = 0.02  # weight of the newest area in the running mean
+# m^2, by which the area from an image is smaller than that from the pressure on the skin; computed
+# by finite elements for the default probe
+BLURRED_AREA = 2.0e-6
 OVERFORCE = 2.5  # times the wanted force, above which the goal ends once the force was reached
+
+
+@dataclass
+class Record:
+    """Contacts with a surface during one goal."""
+
+    probe: ProbeConfig
+    touches: list[Touch] = field(default_factory=list)
+    cycles: int = 0  # control cycles of tracking
+    touching: int = 0  # those whose newest image shows a contact
+    kept: int = 0  # recorded images with contact
+    pressed: int = 0  # images with the whole print on the pad
+    area: float = 0.0  # running mean of `Felt.area` [m^2]
+    square: float = 0.0  # sum of the squared distances of the contact from its wanted place [m^2]
+
+    def keep(self, stamp_ns: int, felt: Felt, off: float, normal: np.ndarray,
+             whole: bool) -> Touch | None:
+        """
+        Record a contact, and return it if its position on the surface is accurate.
+
+        `off` is the squared distance from its wanted place [m^2], `normal` (3,) the filtered
+        inward normal. `whole` is True if the whole print is measured.
+        """
+        self.kept += 1
+        self.square += off
+        if not whole:
+            return None
+        self.pressed += 1
+        self.area += max(AREA_WEIGHT, 1.0 / self.pressed) * (felt.area - self.area)
+        if self.pressed < LEAST_IMAGES:
+            return None
+        # On an elastic foundation P = pi / 2 k d a b, with the half axes a and b of the patch. The
+        # variances of its pressure are a^2 / 6 and b^2 / 6.
+        indentation = felt.force / (3.0 * math.pi * self.probe.modulus
+                                    * (self.area + BLURRED_AREA))
+        point = felt.centre + (self.probe.skin_radius - indentation) * normal
+        touch = Touch(stamp_ns, point, normal.copy())
+        if not self.touches or np.linalg.norm(point - self.touches[-1].point) >= TOUCH_SPACING:
+            self.touches.append(touch)
+        return touch
+
+    def result(self) -> SurfaceResult:
+        """Return the recorded contacts."""
+        if not self.touches:
+            return SurfaceResult()
+        _, points, normals = zip(*self.touches, strict=True)
+        return SurfaceResult(
+            contour=np.array(points), normals=np.array(normals),
+            contact_kept=self.touching / max(self.cycles, 1),
+            centre_rms=math.sqrt(self.square / max(self.kept, 1)))
 
 
 class SurfaceFollowing(ServoLaw):
