@@ -182,13 +182,16 @@ def test_contacts_are_felt_where_they_are(place, table):
 
 
 def test_a_depth_is_that_of_an_elastic_foundation():
-    looking, pose = sense(), np.eye(4)
+    law = SurfaceFollowing(ServoConfig())
+    law.begin(GOAL, SENSOR)
     stiffness = ProbeConfig().stiffness(FORCE)
-    felt = looking.look(image_of((0.0, 0.0), FORCE), pose)
-    assert looking.depth(felt.force) == pytest.approx(0.0, abs=1e-6)
-    slope = looking.depth(5.05) - looking.depth(4.95)
+    felt = sense().look(image_of((0.0, 0.0), FORCE), np.eye(4))
+    assert law.depth(felt.force) == pytest.approx(0.0, abs=1e-6)
+    slope = law.depth(5.05) - law.depth(4.95)
     assert 0.1 / slope == pytest.approx(stiffness, rel=0.01)
-    assert looking.depth(0.0) == pytest.approx(-2.0 * FORCE / stiffness)
+    assert law.depth(0.0) == pytest.approx(-2.0 * FORCE / stiffness)
+    law.press.unexplained = law.depth(6.0)
+    assert law.unfelt == pytest.approx(6.0 - FORCE)
 
 
 def test_what_is_no_contact():

@@ -95,15 +95,6 @@ class ContactSense:
         return Felt(*contact, rotation @ self.dome.direction(contact.place),
                     pose[:3, 3] + rotation @ self.dome.centre, _area(pressure, self.array))
 
-    def depth(self, force: float) -> float:
-        """Return the depth for a force, relative to the depth at the Jacobian's force [m]."""
-        share = math.sqrt(force / self.force) - 1.0
-        return 2.0 * self.force / self.stiffness * share
-
-    def pressed(self, depth: float) -> float:
-        """Return the force [N] at a depth relative to that at the Jacobian's force [m]."""
-        return self.force * max(1.0 + 0.5 * self.stiffness * depth / self.force, 0.0)**2
-
 
 def pressure_of(image: TactileImage, array: TactelArray) -> np.ndarray | Reason:
     """Return the pressure (rows, columns) of an image without NaN [Pa], or a reason."""

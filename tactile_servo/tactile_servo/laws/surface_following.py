@@ -215,7 +215,7 @@ class SurfaceFollowing(ServoLaw):
         self._felt, self._shown, self._problem = felt, observation.arrival, None
         off = felt.place - self._aim.place
         self.error = TaskError(float(off[0]), float(off[1]), force=felt.force)
-        aside, depth = math.hypot(*felt.place), self._sense.depth(felt.force)
+        aside, depth = math.hypot(*felt.place), self.depth(felt.force)
         share = min(self.goal.force / max(felt.force, 1e-6), 20.0)
         angle = math.hypot(PLACE_NOISE * share, PLACE_ERROR * aside) / self._dome.array_radius
         met = abs(felt.force - self._aim.force) < MET * self._aim.force
@@ -230,11 +230,14 @@ class SurfaceFollowing(ServoLaw):
                 observation.stamp_ns, felt, float(off @ off), self._surface.normal, whole)
 
     def depth(self, force: float) -> float:
-        return self._sense.depth(force)
+        """Return the depth [m] for a force [N], relative to that for the goal's force."""
+        wanted = self.goal.force
+        return 2.0 * wanted / self.stiffness * (math.sqrt(force / wanted) - 1.0)
 
     @property
     def unfelt(self) -> float:
-        return self._sense.pressed(self.press.unexplained) - self.goal.force
+        wanted, depth = self.goal.force, self.press.unexplained
+        return wanted * max(1.0 + 0.5 * self.stiffness * depth / wanted, 0.0)**2 - wanted
 
     def lacks(self, now: float) -> Reason | None:
         if now - self._shown < self._stale:
@@ -291,14 +294,15 @@ class SurfaceFollowing(ServoLaw):
 
     def _normal(self, commanded: np.ndarray, dt: float) -> np.ndarray:
         """Return the inward normal (3,) predicted for the end of a cycle from a pose (4, 4)."""
-        return self._motion.normal_ahead(commanded, dt)
+        motion = self._motion
+        return self._surface.predict(motion.centre_of(commanded) + dt * motion.velocity)[1]
 
     def _twist(self, normal: np.ndarray, way: np.ndarray, pose: np.ndarray,
                commanded: np.ndarray, robot: Motion, dt: float) -> np.ndarray:
         """Return the twist (6,) in the sensor's frame, for a direction (3,) and a normal (3,)."""
         motion, felt, aim = self._motion, self._felt, self._aim
-        press = motion.press(pose, commanded, felt, aim, self._sense.depth(aim.force),
-                             self._sense.depth(felt.force) if self._met else None, dt)
+        press = motion.press(pose, commanded, felt, aim, self.depth(aim.force),
+                             self.depth(felt.force) if self._met else None, dt)
         return motion.twist(way, normal, press, commanded, aim, robot, dt)
 
     def result(self) -> SurfaceResult:
@@ -324,7 +328,7 @@ class JacobianRate(SurfaceFollowing):
         rate, felt, aim = RATE_SHARE * self.config.force.gain, self._felt, self._aim
         dx, dy = rate * (aim.place - felt.place)
         twist[2] = clipped(
-            rate * (aim.force - felt.force) / self._sense.stiffness, -LIFT, PRESS)
+            rate * (aim.force - felt.force) / self.stiffness, -LIFT, PRESS)
         turn = np.array([dy, -dx, 0.0]) / self._dome.array_radius
         turn *= min(1.0, ROLL_RATE / max(math.sqrt(turn @ turn), 1e-12))
         twist[:3] += np.cross(turn, -self._dome.centre)

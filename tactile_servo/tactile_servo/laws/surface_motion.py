@@ -62,22 +62,12 @@ class SurfaceMotion:
         self._attitude.reset()
         self.bound = ''  # joint limit that reduces the speed, or empty
         self.halted = False  # True to stop along the path
-        self._speed = 0.0  # of the centre [m/s]
-        self._shrunk = 1.0  # motion of the contact per motion of the centre
-        self._velocity = np.zeros(3)  # velocity of the centre [m/s]
-
-    @property
-    def speed(self) -> float:
-        """Speed of the contact along the path [m/s]."""
-        return self._speed * self._shrunk
+        self._speed = self.speed = 0.0  # along the path, of the centre and of the contact [m/s]
+        self.velocity = np.zeros(3)  # of the centre [m/s]
 
     def centre_of(self, pose: np.ndarray) -> np.ndarray:
         """Return the centre (3,) of the probe at a pose (4, 4) [m]."""
         return pose[:3, 3] + pose[:3, :3] @ self._dome.centre
-
-    def normal_ahead(self, commanded: np.ndarray, dt: float) -> np.ndarray:
-        """Predict the inward normal (3,) at the end of a cycle, at the present velocity."""
-        return self._surface.predict(self.centre_of(commanded) + dt * self._velocity)[1]
 
     def _twist(self, velocity: np.ndarray, turn: np.ndarray, rotation: np.ndarray,
                dt: float = 0.0) -> np.ndarray:
@@ -102,15 +92,18 @@ class SurfaceMotion:
         """
         off = math.hypot(*(felt.place - aim.place)) / self._half
         bent = float(step.way @ self._surface.bend @ step.way)
-        self._shrunk = shrink = max(1.0 + self._dome.skin_radius * bent, TURNED)
+        shrink = max(1.0 + self._dome.skin_radius * bent, TURNED)
         top = 0.0 if self.halted else min(wanted, step.top) / shrink
-        top = min(top, self._known(step.way)) * caution(
+        reach = math.sqrt(  # within which the curvature is known well enough
+            2.0 * self.config.speed.blind / max(self._surface.bend_std(step.way), 1e-9))
+        top = min(top, reach / (self.age + ANSWER)) * caution(
             felt.force / aim.force, (off - CENTRED) / (ASIDE - CENTRED))
         self.bound = pace.bound if pace.speed < top else ''
         top = min(top, pace.speed)
         # The probe must turn as it moves. While the turn is late, the speed does not increase.
         turn = max(float(np.linalg.norm(self._surface.bend @ step.way)), 1e-9)
-        if self._on_edge():
+        sharpest = -float(np.linalg.eigvalsh(self._surface.bend)[0])
+        if 1.0 - self._dome.skin_radius * sharpest < EDGE:
             top = min(top, EDGE_SPEED / (self._dome.skin_radius * turn))
         acceleration = self.config.speed.acceleration
         along = acceleration / shrink
@@ -119,17 +112,8 @@ class SurfaceMotion:
         slower = min(BRAKE * along, max(BRAKED * pace.acceleration, SLOWED))
         self._speed = min(max(top, self._speed - slower * dt), self._speed + faster * dt,
                           step.top / shrink)
+        self.speed = self._speed * shrink  # of the contact
         return self.speed
-
-    def _on_edge(self) -> bool:
-        """Return True if the contact hardly moves, for some direction of the centre's motion."""
-        sharpest = -float(np.linalg.eigvalsh(self._surface.bend)[0])
-        return 1.0 - self._dome.skin_radius * sharpest < EDGE
-
-    def _known(self, way: np.ndarray) -> float:
-        """Return the speed of the centre that the uncertain curvature ahead allows [m/s]."""
-        reach = math.sqrt(2.0 * self.config.speed.blind / max(self._surface.bend_std(way), 1e-9))
-        return reach / (self.age + ANSWER)
 
     def press(self, pose: np.ndarray, commanded: np.ndarray, felt: Felt, aim: PadContact,
               wanted: float, depth: float | None, dt: float) -> float:
@@ -164,5 +148,5 @@ class SurfaceMotion:
         about = self._twist(np.zeros(3), self._attitude.way(error, ahead), rotation)
         turn = self._attitude.rate(error, ahead, dt, min(
             TURNS * self.config.speed.acceleration, TURNING * robot.along(about).acceleration))
-        self._velocity = velocity + press * normal
-        return self._twist(self._velocity, turn, rotation, dt)
+        self.velocity = velocity + press * normal
+        return self._twist(self.velocity, turn, rotation, dt)
