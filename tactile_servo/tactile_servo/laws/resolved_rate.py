@@ -109,9 +109,6 @@ def edge_tilt(moments: Moments, half_length: float, stiffness: float) -> float:
     return trust * 3.0 * moments.my / (stiffness * half_length**2)
 
 
-UNKNOWN = EdgeFeatures(math.nan, math.nan, math.nan, math.nan)
-
-
 @dataclass(frozen=True)
 class PositionConfig:
     """Motion across the edge, and about the normal."""
@@ -184,16 +181,14 @@ class ResolvedRate(EdgeLaw):
     name: ClassVar[str] = 'resolved_rate'
     config_type: ClassVar[type] = ResolvedRateConfig
     sees_images: ClassVar[bool] = False
+    features: EdgeFeatures  # newest; before it `lacks` prevents tracking
     _array: TactelArray  # set by `begin`
 
     def __init__(self, servo: ServoConfig, config: ResolvedRateConfig | None = None):
         self.servo, self.config = servo, config or ResolvedRateConfig()
-        self.features, self._begun, self._stale = UNKNOWN, False, STALE_AFTER
         self.stiffness = math.nan  # set by `begin`
+        self._stale, self._begun = STALE_AFTER, False
         self._age, self.shortest, self._looked = MAX_STAMP_AGE, math.inf, -math.inf
-        self._shown, self._problem, self._speed = -math.inf, '', 0.0
-        self._twist, self._slowed = np.zeros(6), 0.0
-        self.press = PressCheck()
 
     def retune(self, config: ResolvedRateConfig) -> None:
         self.config = config
@@ -208,8 +203,7 @@ class ResolvedRate(EdgeLaw):
         self.goal, self._array = goal, sensor.array
         self.stiffness = total_stiffness(sensor)
         self._stale = image_patience(sensor.nominal_rate)
-        self.features, self._problem, self._begun = UNKNOWN, '', True
-        self.error = None
+        self.error, self._problem, self._begun = None, '', True
         self._looked = self._shown = -math.inf
         self._laps, self._progress = LapGuard(), 0.0
         self.press, self._order = PressCheck(), ImageOrder()
@@ -242,10 +236,6 @@ class ResolvedRate(EdgeLaw):
             self.features, self._shown = features, arrival
             self.error = TaskError(features.lateral, angle=features.yaw, force=features.force)
             self._compare_depth(contact, pose, features)
-        if self.features is not UNKNOWN:  # the speed along the edge is added in `reference`
-            self._twist = edge_twist(self.features, 0.0, self.goal.force, self.stiffness,
-                                     self.config, self.shortest)
-            self._slowed = speed_factor(self.features, self._array.half_width_x, self.goal.force)
 
     def _compare_depth(self, contact: Contact, pose: np.ndarray | None,
                        features: EdgeFeatures) -> None:
@@ -288,10 +278,12 @@ class ResolvedRate(EdgeLaw):
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, robot: Motion,
                   dt: float) -> Reference:
-        goal, twist = self.goal, self._twist.copy()
-        self._speed = slewed(self._speed, 0.0 if self._halted else self._slowed * goal.speed,
+        goal, features = self.goal, self.features
+        slowed = speed_factor(features, self._array.half_width_x, goal.force)
+        self._speed = slewed(self._speed, 0.0 if self._halted else slowed * goal.speed,
                              self.config.speed.acceleration * dt)
-        twist[1] = goal.direction * self._speed
+        twist = edge_twist(features, goal.direction * self._speed, goal.force, self.stiffness,
+                           self.config, self.shortest)
         heading = [goal.direction * way for way in pose[:3, 1].tolist()]
         self._laps.see(pose[:3, 3].tolist(), pose[:3, 2].tolist(), heading, self._progress)
         return Reference(twist, self._speed, heading)
