@@ -10,6 +10,7 @@ from tactile_sensing.types.contact import Contact
 from tactile_sensing.types.contact import Reason as ContactReason
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import image_patience, MAX_STAMP_AGE, STALE_AFTER
+from tactile_servo.control.press_check import most_unfelt
 from tactile_servo.control.scaling import ramp
 from tactile_servo.motion.joint_history import JointHistory
 from tactile_servo.motion.limits import JointLimits
@@ -17,13 +18,14 @@ from tactile_servo.motion.robot import RobotModel
 from tactile_servo.reasons import Reason, ReasonCode, Refused
 from tactile_servo.sensor_watch import SensorWatch, SURE
 from tactile_servo.types import IMPOSSIBLE
-from tactile_servo.wrist import Wrist
 
 _SATURATED, _NOT_TARED = int(ContactReason.SATURATED), int(ContactReason.NOT_TARED)
 SAME_PITCH = 1e-3  # relative
 # Largest difference of a joint from its command [rad]; more is too far even if the sensor hardly
 # moves by it.
 JOINT_ERROR = 0.15
+REST_WEIGHT = 0.02  # weight of the newest force in the running mean at rest
+DISAGREEING = 0.1  # s for which pad and wrist may differ: they are filtered differently
 AGEING = 0.4  # share of the allowed age of an input above which the pad slows down
 
 
@@ -35,6 +37,51 @@ class Sample(NamedTuple):
     arrival: float
 
 
+class Wrist:
+    """
+    Force at the wrist relative to its value while the pad was free and no goal was active [N].
+
+    This baseline includes the weight of the tool. If the tool is rotated much, its weight must be
+    compensated.
+    """
+
+    def __init__(self) -> None:
+        self.force, self._rest = 0.0, np.full(3, np.nan)
+        self._arrival, self._agreed = math.nan, math.inf
+
+    def see(self, force: np.ndarray, arrival: float, at_rest: bool) -> None:
+        """Process a force (3,) [N] and its steady arrival time [s]; ignore one not finite."""
+        if not np.isfinite(force).all():
+            return
+        if not self.heard:
+            self._rest = force.copy()
+        elif at_rest:
+            self._rest += REST_WEIGHT * (force - self._rest)
+        self._arrival, self.force = arrival, float(np.linalg.norm(force - self._rest))
+
+    def judge(self, load: float, now: float) -> None:
+        """Compare with the load on the pad [N] at a steady time [s]."""
+        most = most_unfelt(max(self.force, load))
+        if not self.heard or abs(self.force - load) <= most:
+            self._agreed = now
+
+    @property
+    def heard(self) -> bool:
+        """Whether any force has been received."""
+        return not math.isnan(self._arrival)
+
+    def missing(self, now: float, within: float) -> bool:
+        """Return whether the wrist sent forces before, but none within a time [s]."""
+        return now - self._arrival > within  # false without a wrist: NaN
+
+    def problem(self, load: float, now: float) -> Reason | None:
+        """Return why the pad cannot be trusted, or None."""
+        if now - self._agreed <= DISAGREEING:
+            return None
+        return Reason(ReasonCode.SENSOR_DISAGREES,
+                      f'{load:.1f} N on the pad, {self.force:.1f} N at the wrist')
+
+
 class Inputs:
     """Newest inputs of a servo: joint state, image, contact, description of the sensor."""
 
@@ -43,16 +90,17 @@ class Inputs:
         self._history, self.watch, self.wrist = JointHistory(limits), SensorWatch(), Wrist()
         self.joints: Sample | None = None
         self.contact: Sample | None = None
+        self.image: Sample | None = None
         self.sensor: SensorInfo | None = None
         self.pose = np.full((4, 4), np.nan)  # measured, of the sensor
         self.refused: Reason | None = None  # why the newest image or contact was, if it was
         # Freshness at the last `refresh`; `saturated`: whether the newest contact is.
-        self.contact_fresh = self.joints_fresh = self.saturated = self._wrist_missing = False
+        self.contact_fresh = self.joints_fresh = self.saturated = False
+        self._image_fresh = self._wrist_missing = False
         self._tared = True
         self.unbelieved = ''  # why the newest joint state was rejected
         self._felt = self._summed = 0.0  # force by the newest contact, and by the image [N]
         self._noise = 0.0  # standard deviation of the force by an image [N]
-        self._image_arrival, self._image_fresh = -math.inf, False  # of the newest image [s]
 
     def see_joints(self, positions: np.ndarray, stamp_ns: int, arrival: float) -> None:
         """Process a measured joint state; ValueError if it is not plausible."""
@@ -92,7 +140,8 @@ class Inputs:
                 pressure += float(stress[np.abs(stress) < IMPOSSIBLE].sum())
                 noise = float(layer.noise_std) * math.sqrt(stress.size)
         area = array.pitch_x * array.pitch_y
-        self._image_arrival, self._summed, self._noise = arrival, pressure * area, noise * area
+        self.image = Sample(image, image.stamp_ns, arrival)
+        self._summed, self._noise = pressure * area, noise * area
 
     def refuse(self, reason: Reason) -> None:
         """Store the reason of a refusal and raise Refused."""
@@ -124,7 +173,8 @@ class Inputs:
 
     def refresh(self, now: float, now_ns: int) -> None:
         """Update the freshness of all inputs, and compare pad and wrist."""
-        self._image_fresh = now - self._image_arrival <= self.patience
+        self._image_fresh = self.image is not None and (
+            now - self.image.arrival <= self.patience)
         if not self._image_fresh:
             self._summed = 0.0
         self.contact_fresh = self.sensor is not None and _fresh(

@@ -54,7 +54,6 @@ class Supervisor:
         self._idle = Reason(ReasonCode.WAITING)  # reason while there is no goal
         self._clock = CycleClock(1.0 / self.config.rate)
         self._robot_clock = ClockCheck()
-        self._image: TactileImage | None = None  # the newest
         self._silence = 0.0  # time since the last heartbeat of the goal's client [s]
         self.around: Reason | None = None  # problem outside the servo, set by its owner
         self.journal = Journal()
@@ -114,7 +113,6 @@ class Supervisor:
         self.inputs.see_image(image, arrival)
         loaded = self.inputs.load >= self.config.approach.contact_force
         self.inputs.watch.see(image, loaded, self.inputs.pose[:3, 3])
-        self._image = image
         if self.active and self.law.sees_images:
             self._observe(image.stamp_ns, arrival, image=image)
 
@@ -232,9 +230,10 @@ class Supervisor:
         self.journal.add(Call.TEACH, text=name)
         assert isinstance(self.law, Teachable)
         lacking, sensor = self.inputs.contact_missing(images=True), self.inputs.sensor
-        if lacking or sensor is None or self._image is None:
+        image = self.inputs.image
+        if lacking or sensor is None or image is None:
             raise ConfigurationError((lacking or Reason(ReasonCode.NO_IMAGE)).text)
-        return self.law.teach(name, self._image, sensor.array)
+        return self.law.teach(name, image.value, sensor.array)
 
     def retune(self, config: Any) -> None:
         """Pass a configuration with changed live fields to the law."""
@@ -291,7 +290,7 @@ class Supervisor:
                         joints_fresh=inputs.joints_fresh)
         if inputs.contact is not None:
             status.normal_force = inputs.load
-        used = self._image if self.law.sees_images else inputs.contact
+        used = inputs.image if self.law.sees_images else inputs.contact
         if used is not None:
             status.contact_stamp_ns = used.stamp_ns
         if run is None:
