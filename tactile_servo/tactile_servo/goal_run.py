@@ -9,7 +9,7 @@ from tactile_servo.config import ServoConfig
 from tactile_servo.following import Driven
 from tactile_servo.hold import Hold, RESUME_WITHIN
 from tactile_servo.inputs import Inputs
-from tactile_servo.law import Assessment, Goal, Reference, ServoLaw
+from tactile_servo.law import Assessment, Reference, ServoLaw
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.normal_way import NormalWay
 from tactile_servo.phases import (
@@ -25,7 +25,7 @@ from tactile_servo.phases import (
 )
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.track_statistics import TrackStatistics
-from tactile_servo.types import State
+from tactile_servo.types import Goal, State
 
 SETTLE = 0.1  # s from the end of the last command until the robot is at rest
 LONGEST_PAUSE = 3600.0  # s

@@ -77,19 +77,6 @@ class LawResult:
     contour: np.ndarray | None = None
 
 
-class Goal(Protocol):
-    """Properties that every goal has."""
-
-    @property
-    def speed(self) -> float: ...  # m/s
-    @property
-    def force(self) -> float: ...  # N
-    @property
-    def retreat(self) -> bool: ...  # whether to lift off at the end
-    @property
-    def client_timeout(self) -> float: ...  # how long the client may be silent [s]
-
-
 class ServoLaw(Protocol):
     """How to follow something by touch. The supervisor decides when to move at all."""
 

@@ -10,9 +10,10 @@ from tactile_servo.control.press_check import most_doubted, most_unfelt, SLOPE_E
 from tactile_servo.control.press_test import PressTest
 from tactile_servo.control.scaling import clipped
 from tactile_servo.inputs import Inputs
-from tactile_servo.law import Goal, ServoLaw
+from tactile_servo.law import ServoLaw
 from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.types import Goal
 
 SOUND_FORCE = 0.5  # share of the goal's force above which PRESS_DEPTH counts from the pose then
 TEST_AGAIN = 2e-3  # m, least way after which the sensor is tested again

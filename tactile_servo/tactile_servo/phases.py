@@ -4,9 +4,8 @@ from collections import defaultdict
 from enum import auto, Enum
 
 from tactile_servo.config import ServoConfig
-from tactile_servo.law import Goal
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.types import State
+from tactile_servo.types import Goal, State
 
 # Time limit of a state: SLACK, and the time for its distance at the share SLOWNESS of its speed.
 SLACK, SLOWNESS = 10.0, 0.05  # s

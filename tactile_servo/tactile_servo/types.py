@@ -39,17 +39,24 @@ ON_TRACK = (State.TRACK, State.CORNER)  # without SEARCH, in which there is no e
 TRACKING = (*ON_TRACK, State.SEARCH)
 
 
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """What every goal says."""
+
+    speed: float  # along the edge or over the surface [m/s]
+    force: float  # N
+    retreat: bool = field(default=True, kw_only=True)  # whether to lift off at the end
+    # s without the client's heartbeat that end the goal; 0 = no limit
+    client_timeout: float = field(default=0.0, kw_only=True)
+
+
 @dataclass(frozen=True)
-class EdgeGoal:
+class EdgeGoal(Goal):
     """Goal of tracking an edge, as in TrackEdge.action."""
 
-    speed: float  # m/s
-    force: float  # N
     direction: int = 1  # or -1, along the sensor's y
     length: float = 0.0  # m; 0 = until the edge ends
-    retreat: bool = True  # at the end
     closed: bool = False  # end when the contour closes on its start
-    client_timeout: float = 0.0  # s without the client's heartbeat that end it; 0 = no limit
 
 
 class TaskError(NamedTuple):

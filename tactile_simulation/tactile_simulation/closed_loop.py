@@ -14,13 +14,12 @@ from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.devices.calibration import Convert
 from tactile_sensing.types.image import SensorInfo, TactileImage
 from tactile_servo.config import ServoConfig
-from tactile_servo.law import Goal
 from tactile_servo.laws.registry import law_for, LAWS, make_law
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.track_statistics import SETTLING_LENGTH
-from tactile_servo.types import ON_TRACK, Status
+from tactile_servo.types import Goal, ON_TRACK, Status
 from tactile_shape.contour.contact_path import ContactPath, Placed
 from tactile_shape.contour.outline import find_outline, Outline
 from tactile_shape.local_surface.local_quadric import LocalQuadric

@@ -98,7 +98,7 @@ stamps = st.sampled_from([10**7, -10**7, 10**8, -10**8, 10**10])  # ns, by which
 wrong_goals = st.builds(
     EdgeGoal, st.floats(0.001, 0.2) | st.sampled_from([0.0, float('nan')]),
     st.floats(0.6, 10.0) | st.sampled_from([0.1, 1e9]), st.sampled_from([-1, 1, 0]),
-    st.sampled_from([0.0, -1.0, float('inf')]), st.booleans(), st.booleans())
+    st.sampled_from([0.0, -1.0, float('inf')]), st.booleans(), retreat=st.booleans())
 goals = st.builds(EdgeGoal, st.floats(0.001, 0.2), st.floats(0.6, 10.0), st.sampled_from([-1, 1]),
                   st.sampled_from([0.0, 0.0, 0.01]), st.booleans())
 ATTACKS = {
@@ -302,7 +302,7 @@ HERE = np.clip(ELBOW, LIMITS.lower, LIMITS.upper)
 STRETCHED = LIMITS.lower + np.array((0.0, 0.0, 0.0, 0.875, 0.75, 1.0)) * (
     LIMITS.upper - LIMITS.lower)
 TURNED = np.array([-0.38397244, 0.61086524, -3.00196631, 0.0, -0.83775804, -0.38397244])
-LIGHT, FIRM, HARD = (EdgeGoal(0.125, force, -1, 0.0, False) for force in (1.0, 4.0, 5.0))
+LIGHT, FIRM, HARD = (EdgeGoal(0.125, force, -1, 0.0, retreat=False) for force in (1.0, 4.0, 5.0))
 LIES = {'joints': [0.0] * 6}
 
 
@@ -329,7 +329,7 @@ LIES = {'joints': [0.0] * 6}
 @example(LIMITS.lower, 0.4, HARD, 0, [
     {'cycles': 30, 'late_contact': 10**7}, {'cycles': 2, 'asleep': 0.03}])
 # The robot's clock seems to be another one for a while.
-@example(HERE, 0.4, EdgeGoal(0.0625, 2.0, -1, 0.0, False), 40, [
+@example(HERE, 0.4, EdgeGoal(0.0625, 2.0, -1, 0.0, retreat=False), 40, [
     {'cycles': 80, 'contact': 'none'}, {'cycles': 80, 'late_joints': -10**7},
     *[{'cycles': 80}] * 3])
 # A round probe rolls, and brakes in a curve, in a box without room.

@@ -15,6 +15,7 @@ from tactile_servo.control.surface_path import (
 )
 from tactile_servo.law import LawResult
 from tactile_servo.reasons import Reason, ReasonCode
+from tactile_servo.types import Goal
 
 MAX_PATH = 100.0  # longest pattern [m]
 LINE_LENGTH = 0.06  # default length of a line [m]
@@ -30,11 +31,9 @@ class Pattern(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceGoal:
+class SurfaceGoal(Goal):
     """Goal of surface tracking, as in TrackSurface.action."""
 
-    speed: float  # speed over the surface [m/s]
-    force: float  # N
     pattern: int = Pattern.LINE
     direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  # in the base frame, any norm
     length: float = 0.0  # length of a line [m]; 0 = until `duration`
@@ -43,8 +42,6 @@ class SurfaceGoal:
     step_over: float = 0.0  # distance of neighbouring lines of a raster or spiral [m]
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # base frame [m]
     features: str = ''  # name of taught features
-    retreat: bool = True  # whether to lift off at the end
-    client_timeout: float = 0.0  # silence of the client that ends the goal [s]; 0 = unlimited
 
 
 @dataclass(frozen=True, eq=False)
