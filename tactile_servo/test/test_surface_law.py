@@ -13,6 +13,7 @@ from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.config import ServoConfig
+from tactile_servo.control import surface_filter
 from tactile_servo.control.surface_filter import SurfaceFilter
 from tactile_servo.control.surface_path import PlanarPath, raster, SectionPath, spiral
 from tactile_servo.conversions import surface_goal_from_msg, touch_to_msg
@@ -63,7 +64,7 @@ def arc(radius, cylinder, count=160, step=3e-4):
 def test_the_filter_is_exact_on_spheres_cylinders_and_planes(radius, cylinder):
     centres, normals = arc(radius, cylinder)
     felt = SurfaceFilter()
-    felt.reset(0.0, normals[0], centres[0], 1e-3)
+    felt.update(0.0, normals[0], centres[0], 1e-3)
     for centre, normal in zip(centres[1:-20], normals[1:-20], strict=True):
         felt.update(0.0, normal, centre, 1e-3)
     way = centres[-20] - centres[-21]
@@ -75,13 +76,14 @@ def test_the_filter_is_exact_on_spheres_cylinders_and_planes(radius, cylinder):
     assert felt.bend_std(way) < 2.0
 
 
-def test_depths_tell_more_of_the_normal_than_places_do():
+def test_depths_tell_more_of_the_normal_than_places_do(monkeypatch):
     rng = np.random.default_rng(0)
     centres, normals = arc(0.062, False)
     errors = {}
     for name, noise in (('depth', 4e-6), ('no depth', 1e-2)):
-        felt = SurfaceFilter(noise)
-        felt.reset(0.0, normals[0], centres[0], 4e-3)
+        monkeypatch.setattr(surface_filter, 'DEPTH_NOISE', noise)
+        felt = SurfaceFilter()
+        felt.update(0.0, normals[0], centres[0], 4e-3)
         for centre, normal in zip(centres[1:], normals[1:], strict=True):
             felt.update(rng.normal(0.0, 2e-6), normal + rng.normal(0.0, 4e-3, 3), centre, 4e-3)
         errors[name] = abs((felt.normal - normals[-1]) @ [normals[-1][2], 0, -normals[-1][0]])
@@ -91,7 +93,7 @@ def test_depths_tell_more_of_the_normal_than_places_do():
 def test_an_edge_is_a_surprise():
     centres, normals = arc(1e4, False, 120)
     felt = SurfaceFilter()
-    felt.reset(0.0, normals[0], centres[0], 1e-3)
+    felt.update(0.0, normals[0], centres[0], 1e-3)
     for centre, normal in zip(centres[1:], normals[1:], strict=True):
         felt.update(0.0, normal, centre, 1e-3)
     way = np.array([1.0, 0.0, 0.0])

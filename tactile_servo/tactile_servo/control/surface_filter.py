@@ -24,9 +24,8 @@ class SurfaceFilter:
     on the pad does; across it, that position determines the normal.
     """
 
-    def __init__(self, depth_noise: float = DEPTH_NOISE):
-        self._depth_noise = depth_noise
-        self.begun = False
+    def __init__(self) -> None:
+        self._begun = False
         self.centre = np.zeros(3)  # position of the centre to which the state belongs [m]
         self._state, self._covariance = np.zeros(10), np.zeros((10, 10))
         self.bend = np.zeros((3, 3))  # K [1/m]
@@ -36,17 +35,23 @@ class SurfaceFilter:
         """Inward unit normal (3,) at `centre`."""
         return self._state[NORMAL]
 
-    def reset(self, depth: float, normal: np.ndarray, centre: np.ndarray, noise: float) -> None:
-        """Start with a depth [m] and a normal (3,) at a centre (3,) [m]; noise of normal [rad]."""
-        self.begun, self.centre = True, centre
-        self._state = np.concatenate([[depth], normal, np.zeros(6)])
-        self._covariance = np.diag([self._depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3
-                                   + [PRIOR_CURVATURE**2] * 6)
-        self._unpack()
-
     def update(self, depth: float, normal: np.ndarray, centre: np.ndarray, noise: float) -> None:
-        """Update with depth [m] and normal (3,) at a centre (3,) [m]; noise of normal [rad]."""
-        step = centre - self.centre
+        """
+        Update with depth [m] and normal (3,) at a centre (3,) [m]; noise of normal [rad].
+
+        The first image begins a surface, and so does one at an edge or on another surface.
+        """
+        felt = np.concatenate([[depth], normal])
+        errors = np.array([DEPTH_NOISE**2 + (INEXACT * depth)**2] + [noise**2] * 3)
+        if not (self._begun and self._correct(felt, errors, centre - self.centre)):
+            self._state = np.concatenate([felt, np.zeros(6)])
+            self._covariance = np.diag([*errors, *[PRIOR_CURVATURE**2] * 6])
+        self._begun, self.centre = True, centre
+        self.bend = np.empty((3, 3))
+        self.bend[_ROWS, _COLUMNS] = self.bend[_COLUMNS, _ROWS] = self._state[BEND]
+
+    def _correct(self, felt: np.ndarray, errors: np.ndarray, step: np.ndarray) -> bool:
+        """Correct the state after a step (3,) of the centre; return False on another surface."""
         way = float(np.sqrt(step @ step))
         transition = IDENTITY.copy()
         transition[NORMAL, BEND] = along = _along(step)
@@ -58,25 +63,16 @@ class SurfaceFilter:
         spread = np.repeat([(MISTRUST * (self.normal @ step))**2, 0.3 * change * way**2, change],
                            [1, 3, 6])
         covariance[range(10), range(10)] += spread
-        felt = np.concatenate([[depth], normal])
-        errors = np.array([self._depth_noise**2 + (INEXACT * depth)**2] + [noise**2] * 3)
         innovation, expected = felt - state[:4], covariance[:4, :4] + np.diag(errors)
-        surprise = float(innovation @ np.linalg.solve(expected, innovation))
-        if surprise > SURPRISE:  # an edge, or another surface
-            self.reset(depth, normal, centre, noise)
-            return
+        if float(innovation @ np.linalg.solve(expected, innovation)) > SURPRISE:
+            return False
         gain = np.linalg.solve(expected, covariance[:4]).T
         self._state = state + gain @ innovation
         keep = IDENTITY.copy()
         keep[:, :4] -= gain
         self._covariance = keep @ covariance @ keep.T + (gain * errors) @ gain.T
         self._state[NORMAL] /= np.sqrt(self.normal @ self.normal)
-        self.centre = centre
-        self._unpack()
-
-    def _unpack(self) -> None:
-        self.bend = np.empty((3, 3))
-        self.bend[_ROWS, _COLUMNS] = self.bend[_COLUMNS, _ROWS] = self._state[BEND]
+        return True
 
     def predict(self, centre: np.ndarray) -> tuple[float, np.ndarray]:
         """Predict depth [m] and unit normal (3,) for the centre at a position (3,) [m]."""

@@ -220,8 +220,7 @@ class SurfaceFollowing(ServoLaw):
         angle = math.hypot(PLACE_NOISE * share, PLACE_ERROR * aside) / self._dome.array_radius
         met = abs(felt.force - self._aim.force) < MET * self._aim.force
         self._met = self._met or met
-        take = self._surface.update if self._surface.begun else self._surface.reset
-        take(depth, felt.normal, felt.centre, angle)
+        self._surface.update(depth, felt.normal, felt.centre, angle)
         if not (math.isnan(self._touched) or self._over):
             # Otherwise a part of the print may lie beside the pad, or may not be pressed yet.
             whole = self._met and aside <= CENTRED * self._sense.array.half_width_x
