@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
-from tactile_sensing.cli import estimate, estimate_sources
+from tactile_sensing.cli import estimate
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.thesis import line
 from tactile_sensing.types.array import TactelArray
@@ -93,7 +93,7 @@ def test_chunks_equal_one_go(there, monkeypatch, save, order):
     frames, _ = edges(23)
     assert run(frames=frames, out='whole.npz') == 0
     save('in.npz', other=np.ones(3), frames=np.asarray(frames, order=order))
-    monkeypatch.setattr(estimate_sources, 'CHUNK_BYTES', 5 * frames[0].nbytes)
+    monkeypatch.setattr(estimate, 'CHUNK_BYTES', 5 * frames[0].nbytes)
     assert estimate.main(['in.npz', *OPTIONS, '-o', 'chunks.npz']) == 0
     whole, chunks = result('whole.npz'), result('chunks.npz')
     for name in whole:
@@ -104,7 +104,7 @@ def test_chunks_equal_one_go(there, monkeypatch, save, order):
 def test_csv_equals_npz(there, monkeypatch):
     frames, _ = edges(11)
     frames[3] = 0.0
-    monkeypatch.setattr(estimate_sources, 'CHUNK_BYTES', 4 * frames[0].nbytes)
+    monkeypatch.setattr(estimate, 'CHUNK_BYTES', 4 * frames[0].nbytes)
     assert run(frames=frames) == 0 and run(frames=frames, out='out.csv') == 0
     table = np.genfromtxt('out.csv', delimiter=',', names=True)
     np.testing.assert_array_equal(table['frame'], np.arange(11))
@@ -134,8 +134,8 @@ def test_layers_with_dead_tactels(there):
 
 def test_options_go_to_the_estimator():
     def config(*options):
-        return estimate.make_config(estimate.parse(
-            ['in.npz', *OPTIONS, '-o', 'o.npz', *options]))
+        return estimate.estimator_of(estimate.parse(
+            ['in.npz', *OPTIONS, '-o', 'o.npz', *options])).config
 
     assert config() == EstimatorConfig()
     assert config('--model', 'line', '--tactel', 'area') == EstimatorConfig(

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tactile_sensing.cli import estimate, estimate_sources
+from tactile_sensing.cli import estimate
 from tactile_sensing.devices.calibration import Calibration, load_calibration, save_calibration
 from tactile_sensing.thesis import line
 from tactile_sensing.types.array import TactelArray
@@ -183,16 +183,18 @@ def test_counts_beyond_the_bits_are_refused_by_name(run):
     assert 'reads -' in run('in.npz', *calibrate())
 
 
-def test_saturated_counts_are_no_dead_tactels(run):
+def test_saturated_counts_are_no_dead_tactels(run, monkeypatch):
     frames = np.minimum(counts(1.9 * edges(1)), 1023)
     assert 0 < (frames == 1023).sum() < 40
     np.savez('in.npz', frames=frames)
     reasons = run('in.npz', *calibrate())['reasons']
     assert reasons & Reason.SATURATED and not reasons & Reason.DEAD_TACTELS
-    source = estimate_sources.source_of(
-        estimate.parse(['in.npz', *calibrate(), '-o', 'out.npz']))
     stub = SimpleNamespace(estimate_batch=lambda stress, array, layers: (stress, layers[0]))
-    (stress, layer), = source.records(stub)
+    with monkeypatch.context() as patch:
+        patch.setattr(estimate, 'estimator_of', lambda options: stub)
+        _, records = estimate.estimates_of(
+            estimate.parse(['in.npz', *calibrate(), '-o', 'out.npz']))
+    (stress, layer), = records
     np.testing.assert_array_equal(stress >= layer.full_scale, frames == 1023)
     found = run('in.npz', *calibrate(dead_tactels=(3,)))
     both = Reason.SATURATED | Reason.DEAD_TACTELS

@@ -1,21 +1,24 @@
 """Command `estimate`: estimate the contact in every frame of a file or bag."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import astuple, replace
 from enum import IntEnum, IntFlag
+import math
 import os
 import sys
 from textwrap import fill
 import time
+from typing import Any
 
 import numpy as np
 
-from tactile_common.command_line import between, file_to_write, Parser, run_command
+from tactile_common.command_line import between, file_to_write, Parser, reading_bags, run_command
+from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import write_records
 from tactile_common.progress import Progress
-from tactile_sensing.cli.estimate_sources import source_of
-from tactile_sensing.cli.options import add_pitch, add_shape, is_bag
+from tactile_sensing.cli.options import add_pitch, add_shape, counts_reader, is_bag
 from tactile_sensing.contact.estimator import (
     ContactEstimator,
     EstimatorConfig,
@@ -23,9 +26,23 @@ from tactile_sensing.contact.estimator import (
     MODELS,
     TACTELS,
 )
-from tactile_sensing.types.contact import COLUMNS, ContactType, INFORMATION, Reason, RECORD
-from tactile_sensing.types.image import COMPONENTS
+from tactile_sensing.devices.calibration import load_calibration, pitch_pair
+from tactile_sensing.devices.recording import CHUNK, FrameReader, read_whole
+from tactile_sensing.devices.tare import TareRefusedError
+from tactile_sensing.types.array import PITCH, TactelArray
+from tactile_sensing.types.contact import (
+    COLUMNS,
+    ContactType,
+    INFORMATION,
+    REALS,
+    Reason,
+    RECORD,
+    STAMPED,
+)
+from tactile_sensing.types.image import COMPONENTS, Layer
 
+CHUNK_BYTES = 1 << 20
+Estimates = tuple[np.ndarray, Iterator[np.ndarray]]  # zeros to fill; the records, in chunks
 QUIET = 1.0  # time before the progress bar appears [s]
 MANY = 0.5  # a larger share of unexplained loads may be due to wrong options
 REFUSALS = [reason for reason in Reason if not reason & INFORMATION]
@@ -136,10 +153,134 @@ def parse(args: list[str] | None = None) -> argparse.Namespace:
     return options
 
 
-def make_config(options: argparse.Namespace, tactel: str | None = None) -> EstimatorConfig:
-    """Return the estimator's configuration from the options and a default for `tactel`."""
-    given = {'method': options.method, 'model': options.model, 'tactel': options.tactel or tactel}
-    return EstimatorConfig(**{name: value for name, value in given.items() if value is not None})
+def estimates_of(options: argparse.Namespace) -> Estimates:
+    """Return an array for the records of all frames, and an iterator over its contents."""
+    if options.calibration:
+        return _calibrated(options)
+    return _images(options) if is_bag(options.frames) else _plain(options)
+
+
+def estimator_of(options: argparse.Namespace) -> ContactEstimator:
+    """Return the estimator that the options configure."""
+    given = {name: getattr(options, name) for name in ('method', 'model', 'tactel')}
+    return ContactEstimator(EstimatorConfig(
+        **{name: value for name, value in given.items() if value is not None}))
+
+
+def _frames(options: argparse.Namespace, reader: Any, array: TactelArray, layers: list[Layer],
+            to_stress: Callable[[np.ndarray, int], np.ndarray]) -> Estimates:
+    """Estimate the frames of a reader; `to_stress` takes frames and the number of the first."""
+    estimator = estimator_of(options)
+
+    def records() -> Iterator[np.ndarray]:
+        frame_size, done = math.prod(reader.shape[1:]) * reader.dtype.itemsize, 0
+        for frames in reader.chunks(min(max(CHUNK_BYTES // frame_size, 1), CHUNK)):
+            stress = to_stress(frames, done)
+            done += len(frames)
+            yield estimator.estimate_batch(stress, array, layers)
+    return np.zeros(reader.shape[0], RECORD), records()
+
+
+def _images(options: argparse.Namespace) -> Estimates:
+    """Estimate the images of a bag; they contain the properties of their sensor."""
+    with reading_bags():
+        from tactile_sensing.observations import RecordedImages
+    images, estimator = RecordedImages(options.frames, options.namespace), estimator_of(options)
+
+    def records() -> Iterator[np.ndarray]:
+        for image in images:
+            if options.noise is not None:
+                image = replace(image, layers=tuple(
+                    replace(layer, noise_std=options.noise) for layer in image.layers))
+            contact = estimator.estimate(image)
+            values = {name: getattr(contact, name) for name in COLUMNS}
+            values['moments'] = astuple(contact.moments)
+            if not contact.valid:
+                values |= dict.fromkeys(REALS, np.nan)
+            yield np.array([(*values.values(), 1e-9 * image.stamp_ns)], STAMPED)
+    return np.zeros(images.total, STAMPED), records()
+
+
+def parse_layers(text: str) -> tuple[tuple[str, float], ...]:
+    """Return the component and depth [m] of each layer of `COMPONENT@DEPTH,...`."""
+    layers = []
+    for layer in text.split(','):
+        component, _, depth = layer.strip().partition('@')
+        if component not in COMPONENTS:
+            raise ConfigurationError(
+                f'--layers: component {component!r} is not one of {", ".join(COMPONENTS)}')
+        name = f'--layers: depth of {component}'
+        try:
+            value = float(depth)
+        except ValueError:
+            raise ConfigurationError(f'{name} is {depth!r}, must be a number') from None
+        layers.append((component, checked(name, value, float, {'range': PITCH, 'unit': 'm'})))
+    if 'zz' not in [component for component, _ in layers]:
+        raise ConfigurationError(f'--layers: {text} has no layer of pressure (zz)')
+    return tuple(layers)
+
+
+def _plain(options: argparse.Namespace) -> Estimates:
+    """Estimate frames of stress from a sensor that the options describe."""
+    reader = FrameReader(options.frames, options.shape and tuple(options.shape))
+    if reader.dtype.kind != 'f' and options.scale is None:
+        raise ConfigurationError(
+            f'{options.frames}: frames are counts ({reader.dtype}): --calibration CAL.yaml says '
+            'what a count means; or subtract the unloaded image and save floats, or, if that is '
+            'done, give --scale PA_PER_COUNT (without --layers 1 will do)')
+    # A depth of 0 means an unknown skin; then there are no forces.
+    unit = 'Pa' if options.layers is not None else 'counts'
+    layers = (('zz', 0.0),) if options.layers is None else parse_layers(options.layers)
+    there = 1 if len(reader.shape) == 3 else reader.shape[1]
+    if there != len(layers):
+        raise ConfigurationError(
+            f'--layers names {len(layers)} (of {options.layers or "zz"}), but frames has shape '
+            f'{reader.shape}: {there} layer{"s" * (there > 1)}')
+    if options.layers is None and options.method in METHODS[1:]:
+        raise ConfigurationError(f'--method {options.method} needs --layers: a closed form of the '
+                                 'thesis takes the depth of the tactels')
+    scale, (rows, columns) = options.scale or 1.0, reader.shape[-2:]
+    return _frames(
+        options, reader, TactelArray(rows, columns, *pitch_pair(options.pitch)),
+        [Layer(*layer, np.empty(0), unit=unit, noise_std=options.noise or 0.0)
+         for layer in layers],
+        lambda frames, first: scale * frames.astype(np.float64))
+
+
+def _calibrated(options: argparse.Namespace) -> Estimates:
+    """Estimate frames of counts from a sensor that a calibration describes."""
+    calibration, tare = load_calibration(options.calibration), None
+
+    def reader_of(path: str) -> Any:
+        return counts_reader(
+            path, calibration.resolution, calibration.raw_shape, options.namespace)
+    reader = reader_of(options.frames)
+    if options.tare:
+        unloaded = read_whole(options.tare, reader_of(options.tare))
+        try:
+            tare = calibration.make_tare(unloaded)
+        except TareRefusedError as error:
+            raise ConfigurationError(f'--tare {options.tare}: {error}') from error
+    options.tactel = options.tactel or calibration.tactel or None
+    layer, limits = calibration.layer(tare), calibration.counts
+    if options.noise is not None:
+        layer = replace(layer, noise_std=options.noise)
+
+    def to_stress(frames: np.ndarray, first: int) -> np.ndarray:
+        counts = frames.astype(np.float64)
+        outside = limits.outside(counts) & np.isfinite(counts)
+        if outside.any():
+            k, row, column = np.argwhere(outside)[0]
+            raise ConfigurationError(
+                f'{options.frames}: frame {first + k}, row {row}, column {column} reads '
+                f'{counts[k, row, column]:.6g} counts, but `bits: {limits.bits}` of '
+                f'{options.calibration} allows {limits.lowest} to {limits.highest}: set `bits` '
+                'and `signed` there as the sensor has them')
+        stress = calibration.stress(counts, tare)
+        # Saturated, not dead (NaN).
+        stress[calibration.full(calibration.arrange(counts))] = layer.full_scale
+        return stress
+    return _frames(options, reader, calibration.array, [layer], to_stress)
 
 
 def _counted(names: Sequence[IntEnum | IntFlag], counts: np.ndarray) -> str:
@@ -149,14 +290,12 @@ def _counted(names: Sequence[IntEnum | IntFlag], counts: np.ndarray) -> str:
 
 def run(options: argparse.Namespace) -> str:
     """Estimate every frame of the input; return the summary."""
-    source = source_of(options)
-    estimator = ContactEstimator(make_config(options, source.tactel))
+    rows, chunks = estimates_of(options)
     if options.out.exists() and os.path.samefile(options.frames, options.out):
         raise ConfigurationError(f'{options.out}: is the input as well')
-    total, done = source.total, 0
-    rows, begin = np.zeros(total, source.dtype), time.perf_counter()
+    total, done, begin = len(rows), 0, time.perf_counter()
     with Progress(total, QUIET) as progress:
-        for records in source.records(estimator):
+        for records in chunks:
             rows[done:done + len(records)] = records
             done += len(records)
             progress.show(done, 'estimate', f'{done} of {total} frames')
