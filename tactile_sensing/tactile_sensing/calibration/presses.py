@@ -11,7 +11,6 @@ LEAST_PEAK = 10.0  # smallest peak of a usable press [standard deviations]
 PER_PRESS = 'values', 'noise', 'number', 'source', 'force'  # fields with one item per press
 ELSEWHERE = 0.3  # a second load far from the press counts above this share of the peak
 SAME_PRESS = 1.5  # two frames show the same held press below this chi-square per tactel
-MOST_PRESSES = 120  # more presses cost time and add little information
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +33,6 @@ class Presses:
     def __len__(self) -> int:
         return len(self.values)
 
-    def joined(self, other: 'Presses') -> 'Presses':
-        """Return these presses followed by other presses of the same array."""
-        return replace(self, **{
-            name: np.concatenate([getattr(self, name), getattr(other, name)])
-            for name in PER_PRESS})
-
     def only(self, chosen: np.ndarray) -> 'Presses':
         """Return the chosen presses; `chosen` is an index array or mask."""
         return replace(self, **{name: getattr(self, name)[chosen] for name in PER_PRESS})
@@ -54,34 +47,14 @@ class Presses:
                 group.append(i)
             else:
                 groups.append([i])
-        values, noise = np.array([self._mean(group) for group in groups]).swapaxes(0, 1)
-        first = self.only(np.array([group[0] for group in groups]))
-        return replace(first, values=values, noise=noise)
-
-    def _mean(self, group: list[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the mean of some frames and its noise; NaN where only some are at the floor."""
-        values = self.values[group]
-        hidden = values <= self.floor
-        mean = np.where(hidden.any(axis=0) & ~hidden.all(axis=0), np.nan, values.mean(axis=0))
-        return mean, np.maximum(self.noise[group[0]] / np.sqrt(len(group)), QUANTISATION**0.5)
-
-
-def sort_presses(presses: Presses, saturated: np.ndarray) -> tuple[Presses, dict[int, str]]:
-    """
-    Select usable presses; return them and the reasons for the others, by frame number.
-
-    `saturated` (N,) is the number of tactels at full scale in every frame. Frames of a held press
-    are averaged. At most `MOST_PRESSES`, evenly in time, are kept.
-    """
-    reasons = [why_not(values, noise, presses.array, int(full)) for values, noise, full in zip(
-        presses.values, presses.noise, saturated, strict=True)]
-    bad = {int(k): why for k, why in zip(presses.number, reasons, strict=True) if why}
-    presses = presses.only(np.array([not why for why in reasons]))
-    if not len(presses):
-        return presses, bad
-    presses = presses.averaged()
-    some = np.linspace(0, len(presses) - 1, min(len(presses), MOST_PRESSES))
-    return presses.only(np.rint(some).astype(int)), bad
+        means = self.only(np.array([group[0] for group in groups]))  # a copy
+        for k, group in enumerate(groups):
+            frames = self.values[group]
+            hidden = frames <= self.floor  # if only some are, the mean is unknown
+            means.values[k] = np.where(
+                hidden.any(axis=0) & ~hidden.all(axis=0), np.nan, frames.mean(axis=0))
+            means.noise[k] = np.maximum(means.noise[k] / len(group)**0.5, QUANTISATION**0.5)
+        return means
 
 
 def highest(values: np.ndarray) -> tuple:

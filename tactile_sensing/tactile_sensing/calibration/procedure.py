@@ -1,7 +1,7 @@
 """Make a calibration from recordings of raw counts, with every step that they allow."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.calibration.likelihood import ASSUMED_POISSON, POISSON_STD, UNLIKE
-from tactile_sensing.calibration.presses import Presses, sort_presses
+from tactile_sensing.calibration.presses import PER_PRESS, Presses, why_not
 from tactile_sensing.calibration.report import doubts
 from tactile_sensing.calibration.skin_fit import fit_presses, SkinFit
 from tactile_sensing.calibration.survey import range_of, survey, Tactels, TOUCHED, touched
@@ -19,6 +19,7 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin
 
 FEWEST_PRESSES = 5  # of a ball, to fit a skin; twenty are better
+MOST_PRESSES = 120  # of a file; more cost time and add little information
 UNPRESSED = 0.03  # tactels far from a press read less than this share of its peak
 MOST_TOUCHED = 0.2  # share of the unloaded frames that may be left out
 # If this share of a row or column is dead, its tactels that were not loaded count as dead too.
@@ -171,9 +172,9 @@ class Procedure:
             raise ConfigurationError('--ball-radius is missing')
         draft = Calibration(**self.values)
         names = [name for name in ('ball', 'flat') if name in recordings]
-        presses, *more = (self._sorted(name, k, draft) for k, name in enumerate(names))
-        for other in more:
-            presses = presses.joined(other)
+        files = [self._sorted(name, k, draft) for k, name in enumerate(names)]
+        presses = replace(files[0], **{
+            name: np.concatenate([getattr(it, name) for it in files]) for name in PER_PRESS})
         offset_std = np.maximum(draft.noise, QUANTISATION**0.5)
         if 'unloaded' in recordings:
             offset_std = offset_std / len(recordings['unloaded'])**0.5
@@ -211,7 +212,7 @@ class Procedure:
                 'gain': _short(1.0 / skin.level[0]), 'gain_std': _short(skin.level_std)}
 
     def _sorted(self, name: str, source: int, draft: Calibration) -> Presses:
-        """Return the frames of a recording that show a usable press."""
+        """Return the usable presses of a recording; frames of a held press are averaged."""
         frames, count = self.recordings[name], len(self.recordings[name])
         known = self.known.force if name == 'ball' else None
         force = np.broadcast_to(1.0 if known is None else known, count)
@@ -220,10 +221,16 @@ class Procedure:
         noise = np.broadcast_to(np.maximum(draft.noise, QUANTISATION**0.5), arranged.shape)
         values = np.where(draft.live & ~full, arranged - draft.baseline, np.nan)
         floor = draft.counts.threshold - 0.5 - draft.baseline.astype(float)
-        good, bad = sort_presses(
-            Presses(draft.array, values, noise, floor, np.arange(count), np.full(count, source),
-                    force), full.sum((1, 2)))
-        self.left_out[name] = bad
+        reasons = [why_not(image, std, draft.array, int(saturated)) for image, std, saturated
+                   in zip(values, noise, full.sum((1, 2)), strict=True)]
+        self.left_out[name] = bad = {k: why for k, why in enumerate(reasons) if why}
+        good = Presses(
+            draft.array, values, noise, floor, np.arange(count), np.full(count, source),
+            force).only(np.array([not why for why in reasons]))
+        good = good.averaged() if len(good) else good
+        # Evenly in time.
+        some = np.linspace(0, len(good) - 1, min(len(good), MOST_PRESSES))
+        good = good.only(np.rint(some).astype(int))
         if len(good) < FEWEST_PRESSES:
             why = [f'frame {k}: {text}' for k, text in list(bad.items())[:3]]
             raise ConfigurationError('; '.join([
@@ -250,7 +257,11 @@ class Procedure:
             if known.poisson is None:
                 self.assumed.append(f"a Poisson's ratio of {ASSUMED_POISSON} +- {POISSON_STD}, "
                                     'beside what presses say of it')
-        dead = _with_lines(dead | fit.dead, self.tactels)
+        dead = dead | fit.dead
+        if self.tactels is not None:
+            idle = self.tactels.unloaded
+            for some, spared in ((dead, idle), (dead.T, idle.T)):
+                some[(some.mean(axis=1) >= DEAD_LINE) & (some | spared).all(axis=1)] = True
         for row, column in np.argwhere(dead):
             found.setdefault('unloaded', {}).setdefault('dead', {}).setdefault(
                 f'{row},{column}', 'does not follow the load')
@@ -307,14 +318,6 @@ def _check_unloaded(presses: Presses, recorded: bool) -> None:
         raise ConfigurationError(
             f'tactels that nothing presses read {-low:.0f} counts less than in --unloaded: '
             'something pressed the pad there, or it drifted or is another one; record it again')
-
-
-def _with_lines(dead: np.ndarray, tactels: Tactels | None) -> np.ndarray:
-    """Return the dead tactels; mark rows and columns of which all loaded tactels are dead."""
-    if tactels is not None:
-        for some, idle in ((dead, tactels.unloaded), (dead.T, tactels.unloaded.T)):
-            some[(some.mean(axis=1) >= DEAD_LINE) & (some | idle).all(axis=1)] = True
-    return dead
 
 
 def _short(value: float) -> float | str:
