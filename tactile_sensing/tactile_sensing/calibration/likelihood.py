@@ -324,23 +324,15 @@ class Likelihood:
                 slope @ covariance[np.ix_(own, own)] * slope).sum(axis=1)
         return np.maximum(free[readings], 0.0)
 
-    def dead(self, unknowns: Unknowns) -> np.ndarray:
-        """Return which tactels (bool) do not follow the modelled load."""
-        model = self.residuals(unknowns)[0].model
-        load = np.where(np.isfinite(self.values), model, 0.0) / self.noise
-        power = (load**2).sum(axis=0)
-        follows = (load * np.nan_to_num(self.values) / self.noise).sum(axis=0)
-        return (power > SEEN**2) & (follows < DEAD * power)
-
-    def hold(self, *numbers: int) -> None:
-        """Fix numbers of the kind at their usual values."""
-        self.known[list(numbers)] = FIXED
-
     def settle(self, unknowns: Unknowns) -> Unknowns:
         """Fit the unknowns; learn the spreads and exclude dead tactels meanwhile."""
         for _ in range(ROUNDS):
             unknowns = self.iterate(unknowns, FEW_STEPS)
-            self.gone |= self.dead(unknowns)
+            model = self.residuals(unknowns)[0].model
+            load = np.where(np.isfinite(self.values), model, 0.0) / self.noise
+            power = (load**2).sum(axis=0)
+            follows = (load * np.nan_to_num(self.values) / self.noise).sum(axis=0)
+            self.gone |= (power > SEEN**2) & (follows < DEAD * power)
             self.values = np.where(self.gone, np.nan, self.values)
             unknowns = self.learn(unknowns)
         return self.iterate(unknowns)

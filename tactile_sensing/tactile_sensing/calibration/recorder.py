@@ -69,17 +69,15 @@ class PressCatcher:
             self._taken = False
             return None
         self._recent.append(values)
-        if self._taken or len(self._recent) < HELD or not self._rests(values[peak]):
+        if self._taken or len(self._recent) < HELD:
+            return None
+        half, frames = HELD // 2, np.array(self._recent)
+        change = np.abs(frames[half:].mean(axis=0) - frames[:half].mean(axis=0))
+        by_chance = 5.0 * self._noise * np.sqrt(2.0 / half)
+        if not (change < STEADY * values[peak] + by_chance).all():
             return None
         self._taken = True
         return why_not(values, self._noise, self._array, full)
-
-    def _rests(self, peak: float) -> bool:
-        half = HELD // 2
-        frames = np.array(self._recent)
-        change = np.abs(frames[half:].mean(axis=0) - frames[:half].mean(axis=0))
-        by_chance = 5.0 * self._noise * np.sqrt(2.0 / half)
-        return bool((change < STEADY * peak + by_chance).all())
 
 
 @dataclass

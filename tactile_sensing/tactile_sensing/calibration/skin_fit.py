@@ -79,12 +79,12 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
                          np.broadcast_to(offset_std, presses.array.shape).ravel())
     if poisson is not None:
         problem.usual[2] = poisson
-        problem.hold(2)
+        problem.known[2] = FIXED
     if known:
         problem.usual[:3] = math.log(known.depth), known.depth / known.thickness, known.poisson
-        problem.hold(0, 1, 2)
+        problem.known[:3] = FIXED
         return _result(problem, problem.settle(problem.at_peaks(problem.usual.copy())))
-    problem.hold(1)
+    problem.known[1] = FIXED
     start = _start(problem)
     plain = problem.iterate(problem.at_peaks(start))
     problem.known[1] = 1.0
@@ -94,7 +94,7 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
         layer = trial.settle(replace(plain, kind=np.array([start[0], ratio, *trial.usual[2:]])))
         layers.append((trial.chi(layer), trial, layer))
     least, problem, layer = min(layers, key=lambda it: it[0])
-    problem.hold(1)
+    problem.known[1] = FIXED
     plain = problem.iterate(replace(layer, kind=plain.kind))
     evidence = problem.chi(plain) - least
     if evidence < EVIDENCE:
@@ -113,7 +113,7 @@ def _start(problem: Likelihood) -> np.ndarray:
     few = problem.presses.only(np.arange(min(len(problem.presses), 8)))
     trial = Likelihood(few, problem.radius, problem.size[0] > 0.0, problem.offset_std)
     trial.usual, trial.known = problem.usual, problem.known.copy()
-    trial.hold(0)
+    trial.known[0] = FIXED
     kinds = [np.append(math.log(depth * problem.pitch), problem.usual[1:]) for depth in DEPTHS]
     return min(kinds, key=lambda kind: trial.chi(trial.iterate(trial.at_peaks(kind), 3)))
 

@@ -52,22 +52,14 @@ def range_of(recordings: list[np.ndarray], bits: int | None, signed: bool | None
     if bits is None:
         bits = next((b for b in (8, 10, 12, 14) if b >= need), MAX_BITS)
         assumed.append(f'{bits} bits: the least usual converter for counts of {low} to {high}')
-    if threshold is None and low >= 0:
-        threshold = _threshold(counts, Counts(bits, signed).lowest)
-        if threshold:
+    if threshold is None and low == 0 and not signed:
+        above = counts[counts > 0.0]
+        least = int(above.min(initial=high))
+        # Without a threshold, about as many counts are expected below as in an equal range above.
+        if above.size >= 50 and least > 1 and np.count_nonzero(above < 2 * least) > MISSING:
+            threshold = least
             assumed.append(f'a threshold of {threshold}: smaller counts than that are all 0')
     return Counts(bits, signed, threshold or None), assumed
-
-
-def _threshold(counts: np.ndarray, lowest: int) -> int | None:
-    """Return the smallest count above the lowest if counts between are missing, else None."""
-    above = np.sort(counts[counts > lowest])
-    if above.size < 50 or not np.any(counts == lowest):
-        return None
-    least = int(above[0])
-    # Without a threshold, about as many counts are expected below as in an equal range above.
-    expected = np.count_nonzero(above < 2 * least - lowest)
-    return least if least > lowest + 1 and expected > MISSING else None
 
 
 def touched(frames: np.ndarray, counts: Counts) -> np.ndarray:

@@ -153,13 +153,6 @@ def read_recordings(options: argparse.Namespace) -> dict[str, np.ndarray]:
     return found
 
 
-def read_known(options: argparse.Namespace, force: np.ndarray | None) -> Known:
-    """Return the known values of sensor and ball from the options."""
-    same = {item.name for item in fields(Known)} - {'signed', 'force'}
-    return Known(signed=options.signed and options.signed == 'yes', force=force,
-                 **{name: getattr(options, name) for name in same})
-
-
 def read_force(options: argparse.Namespace, frames: int) -> np.ndarray | None:
     """Return the force of all presses of the ball, or of each frame [N]; None: unknown."""
     if options.force is not None and not options.ball:
@@ -210,7 +203,9 @@ def run(options: argparse.Namespace) -> bool:
         record(options)
     recordings = read_recordings(options)
     force = read_force(options, len(recordings.get('ball', ())))
-    known = read_known(options, force)
+    same = {item.name for item in fields(Known)} - {'signed', 'force'}
+    known = Known(signed=options.signed and options.signed == 'yes', force=force,
+                  **{name: getattr(options, name) for name in same})
     with Progress(STEPS, 1.0) as progress:
         done = iter(range(1, STEPS + 1))
         outcome = calibrate(recordings, known, lambda text: progress.show(
