@@ -23,7 +23,7 @@ from tactile_simulation.metrics import to_json
 DESIGN_KEYS = {
     'ok', 'state', 'reason', 'reason_code', 'scene', 'law', 'seed', 'speed',
     'tracked_length', 'edge_length', 'lateral_rms', 'lateral_max', 'lateral_transient_max',
-    'force_target', 'force_rms_error', 'force_max', 'joint_acceleration_max',
+    'force_target', 'force_rms_error', 'force_max', 'overforce', 'joint_acceleration_max',
     'joint_acceleration_rms', 'pad_speed_scatter', 'force_mean', 'lateral_steady',
     'approach_recorded', 'closed',
     'contour_max_error', 'contour_area_error', 'corners', 'sides', 'duration', 'sensor_rate',

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tactile_servo.laws.surface_following import OVERFORCE
 from tactile_simulation.world import Course, Scene
 
 NAN = float('nan')
@@ -125,7 +126,7 @@ METRICS = (
 )
 
 
-def measure(truth: Course, force: float, acceleration: np.ndarray) -> dict[str, float]:
+def measure(truth: Course, force: float, acceleration: np.ndarray) -> dict[str, Any]:
     """
     Return the metrics of a run that apply to edges and surfaces, in SI units.
 
@@ -137,6 +138,7 @@ def measure(truth: Course, force: float, acceleration: np.ndarray) -> dict[str, 
     return {
         'force_target': force, 'force_mean': float(np.mean(held)) if len(held) else NAN,
         'force_rms_error': rms(held - force), 'force_max': largest(truth.force),
+        'overforce': bool(largest(truth.force[truth.tracking]) > OVERFORCE * force),
         'joint_acceleration_max': largest(acceleration),
         'joint_acceleration_rms': largest(np.array(
             [rms(joint[np.isfinite(joint)]) for joint in acceleration.T])),
@@ -146,8 +148,10 @@ def measure(truth: Course, force: float, acceleration: np.ndarray) -> dict[str, 
 
 
 def judged(numbers: dict[str, Any], success: bool, scene: Scene) -> dict[str, Any]:
-    """Return a summary with `ok` and reason, which also consider the objection of the scene."""
-    objection = scene.objection(numbers) if success else ''
+    """Return a summary with `ok` and reason, which also consider the truth of the scene."""
+    pressed = (f'the true force was above {OVERFORCE:g} times the wanted one'
+               if numbers['overforce'] else '')
+    objection = (scene.objection(numbers) or pressed) if success else ''
     reason = '; but '.join(filter(None, (numbers['reason'], objection)))
     return {'ok': success and not objection, **numbers, 'reason': reason}
 

@@ -43,7 +43,16 @@ def test_errors_count_where_their_masks_say():
 def test_what_never_happened_is_not_known():
     found = numbers(truth(tracking=NONE, settled=NONE, on_target=NONE))
     unknown = {key for key, value in found.items() if np.isnan(value)}
-    assert unknown == set(found) - {'force_target', 'force_max'}
+    assert unknown == set(found) - {'force_target', 'force_max', 'overforce'}
+
+
+@pytest.mark.parametrize('largest, ok', [(12.4, True), (12.6, False)])
+def test_a_run_along_an_edge_with_too_much_true_force_is_not_ok(largest, ok):
+    """The servo reports success: its sensor did not feel this force."""
+    found = numbers(truth(force=np.array([99.0, 1.0, 6.0, largest]), lateral=np.zeros(4)))
+    found |= {'tracked_length': 2.0, 'reason': 'the edge ended'}
+    summary = metrics.judged(found, True, SCENE)
+    assert summary['ok'] == ok and ('true force' in summary['reason']) != ok
 
 
 def test_roughness_of_a_known_motion():
