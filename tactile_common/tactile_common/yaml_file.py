@@ -1,5 +1,5 @@
 """Reader of untrusted YAML files, checked against limits before anything is expanded."""
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 import os
 import re
 from typing import Any
@@ -75,3 +75,23 @@ def _check(events: Iterable[yaml.Event]) -> None:
         else:
             continue
         raise ConfigurationError(f'line {event.start_mark.line + 1}: {reason}')
+
+
+def mapping_of(tree: Any, name: str, keys: Collection[str],
+               optional: Collection[str] = ()) -> dict[str, Any]:
+    """
+    Return a mapping after a check: it has all `keys` and no others except `optional` ones.
+
+    Raises a ConfigurationError that begins with the name of the mapping, if it has one.
+    """
+    where = f'{name}: ' if name else ''
+    if not isinstance(tree, dict):
+        raise ConfigurationError(f'{where}is {tree!r:.60}, must be a mapping of {", ".join(keys)}')
+    for key in tree:
+        if key not in keys and key not in optional:
+            raise ConfigurationError(
+                f'{where}unknown key {key!r:.60}, must be one of {", ".join([*keys, *optional])}')
+    for key in keys:
+        if key not in tree:
+            raise ConfigurationError(f'{where}key {key!r} is missing')
+    return tree

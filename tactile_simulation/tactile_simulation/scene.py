@@ -19,7 +19,7 @@ import numpy as np
 from tactile_common.config import built, checked
 from tactile_common.errors import ConfigurationError
 from tactile_common.polyline import arc_length
-from tactile_common.yaml_file import read_yaml
+from tactile_common.yaml_file import mapping_of, read_yaml
 from tactile_sensing.dome.finite_elements import SkinConfig
 from tactile_sensing.dome.geometry import Dome
 from tactile_simulation.edge_path import EdgePath, lifted, walk
@@ -102,7 +102,7 @@ def load_scene(name: str | os.PathLike) -> Scene:
 def _scene(tree: Any, path: Path) -> Scene:
     body = 'surface' if isinstance(tree, dict) and 'surface' in tree else 'edge'
     sections = SECTIONS[body]
-    values = _mapping(tree, '', ('name', 'description', body), [*sections, 'calibration'])
+    values = mapping_of(tree, '', ('name', 'description', body), [*sections, 'calibration'])
     for key in ('name', 'description'):
         if not isinstance(values[key], str) or not values[key].strip():
             raise ConfigurationError(f'{key} is {values[key]!r}, must be a text')
@@ -125,10 +125,10 @@ def _scene(tree: Any, path: Path) -> Scene:
 
 def _surface(tree: Any) -> PlacedObject:
     kind, rest = _one_of(tree, 'surface', SHAPES)
-    placed = _mapping(rest, 'surface', ('top',), ('heading',))
+    placed = mapping_of(rest, 'surface', ('top',), ('heading',))
     heading = _number('surface.heading', placed.get('heading', 0.0), -360.0, 360.0, 'degrees')
     make, needed, optional = SHAPES[kind]
-    sizes = _mapping(tree[kind] or {}, f'surface.{kind}', needed, optional)
+    sizes = mapping_of(tree[kind] or {}, f'surface.{kind}', needed, optional)
     smallest = -1.0 if kind == 'step' else 1e-4
     shape = make(**{key: _number(f'surface.{kind}.{key}', value, smallest, MAX_LENGTH)
                     for key, value in sizes.items()})
@@ -147,7 +147,7 @@ def _scaled(sensor: Sensor, given: Mapping[str, Any], skin: SceneSkin) -> Sensor
 
 
 def _edge(tree: Any) -> EdgePath:
-    values = _mapping(tree, 'edge', ('start', 'heading', 'path'), ('height', 'wave', 'gaps'))
+    values = mapping_of(tree, 'edge', ('start', 'heading', 'path'), ('height', 'wave', 'gaps'))
     x, y, z = _lengths('edge.start', values['start'], 3)
     heading = _number('edge.heading', values['heading'], -360.0, 360.0, 'degrees')
     plan = walk((x, y), math.radians(heading), _elements(values['path']))
@@ -157,7 +157,7 @@ def _edge(tree: Any) -> EdgePath:
         if (np.diff(more['height'][:, 0]) < 0.0).any():
             raise ConfigurationError('edge.height: its distances must not decrease')
     if 'wave' in values:
-        wave = _mapping(values['wave'], 'edge.wave', ('height', 'length'))
+        wave = mapping_of(values['wave'], 'edge.wave', ('height', 'length'))
         more['wave'] = (_number('edge.wave.height', wave['height'], 0.0, 0.1),
                         _number('edge.wave.length', wave['length'], SHORTEST_WAVE, MAX_LENGTH))
     if values.get('gaps'):
@@ -175,14 +175,14 @@ def _elements(path: Any) -> list[tuple[float, float]]:
     for count, element in enumerate(path):
         name = f'edge.path[{count}]'
         kind, rest = _one_of(element, name, ('straight', 'turn', 'arc'))
-        _mapping(rest, name, ())
+        mapping_of(rest, name, ())
         length = turn = 0.0
         if kind == 'straight':
             length = _number(f'{name}.straight', element[kind], 1e-4, MAX_LENGTH)
         elif kind == 'turn':
             turn = _number(f'{name}.turn', element[kind], -179.0, 179.0, 'degrees')
         else:
-            arc = _mapping(element[kind], f'{name}.arc', ('radius', 'angle'))
+            arc = mapping_of(element[kind], f'{name}.arc', ('radius', 'angle'))
             turn = _number(f'{name}.arc.angle', arc['angle'], -360.0, 360.0, 'degrees')
             length = math.radians(abs(turn)) * _number(
                 f'{name}.arc.radius', arc['radius'], 1e-4, MAX_LENGTH)
@@ -195,22 +195,6 @@ def _elements(path: Any) -> list[tuple[float, float]]:
 
 
 # Checks of what a file contains; each names the wrong value.
-
-def _mapping(tree: Any, name: str, keys: Collection[str],
-             optional: Collection[str] = ()) -> dict[str, Any]:
-    """Return a mapping after a check: it has all `keys` and no others except `optional` ones."""
-    where = f'{name}: ' if name else ''
-    if not isinstance(tree, dict):
-        raise ConfigurationError(f'{where}is {tree!r:.60}, must be a mapping of {", ".join(keys)}')
-    for key in tree:
-        if key not in keys and key not in optional:
-            raise ConfigurationError(
-                f'{where}unknown key {key!r:.60}, must be one of {", ".join([*keys, *optional])}')
-    for key in keys:
-        if key not in tree:
-            raise ConfigurationError(f'{where}key {key!r} is missing')
-    return tree
-
 
 def _one_of(tree: Any, name: str, kinds: Collection[str]) -> tuple[str, dict[str, Any]]:
     """Return the one key of `kinds` that a mapping has, and the mapping without it."""
@@ -226,7 +210,7 @@ def _one_of(tree: Any, name: str, kinds: Collection[str]) -> tuple[str, dict[str
 def _part(kind: type, values: Mapping[str, Any], name: str, defaults: Any = None) -> Any:
     """Return the dataclass of a section; fields that it lacks have those of `defaults`."""
     known = {item.name: item.default for item in fields(kind)}
-    given = _mapping(values.get(name, {}), name,
+    given = mapping_of(values.get(name, {}), name,
                      [key for key, default in known.items() if default is MISSING], known)
     return built(kind, {f'{name}.{key}': value for key, value in given.items()}, f'{name}.',
                  defaults)

@@ -11,7 +11,7 @@ import yaml
 
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError, naming
-from tactile_common.yaml_file import read_yaml
+from tactile_common.yaml_file import mapping_of, read_yaml
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.tare import (
     MIN_TARE_FRAMES,
@@ -290,7 +290,6 @@ def pitch_pair(pitch: Any) -> tuple[Any, Any]:
 
 
 _FIELDS = [item for item in fields(Calibration) if item.name not in ('array', 'source')]
-_FILE_KEYS = {'rows', 'columns', 'pitch', *(item.name for item in _FIELDS)}
 
 
 def load_calibration(path: str | PathLike) -> Calibration:
@@ -303,16 +302,8 @@ def load_calibration(path: str | PathLike) -> Calibration:
     unknown or out of bounds.
     """
     with naming(f'calibration {path}'):
-        values = read_yaml(path)
-        if not isinstance(values, dict):
-            raise ConfigurationError('must be a mapping of keys to values')
-        unknown = sorted(str(key) for key in set(values) - _FILE_KEYS)
-        if unknown:
-            raise ConfigurationError(
-                f'unknown key {unknown[0]!r}, must be one of {", ".join(sorted(_FILE_KEYS))}')
-        for key in ('rows', 'columns', 'pitch', 'gain'):
-            if key not in values:
-                raise ConfigurationError(f'key {key!r} is missing')
+        values = mapping_of(read_yaml(path), '', ('rows', 'columns', 'pitch', 'gain'),
+                            [item.name for item in _FIELDS if item.name != 'gain'])
         array = TactelArray(values.pop('rows'), values.pop('columns'),
                             *pitch_pair(values.pop('pitch')))
         dead = _indices(values.pop('dead_tactels', None) or [], array)
