@@ -1,9 +1,9 @@
 """A servo that repeats the calls of a recording."""
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass
 import json
 import math
+from types import SimpleNamespace
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -30,17 +30,6 @@ _KINDS = {int(Call.SENSOR): 'sensor_info', int(Call.JOINTS): 'joint_states',
           int(Call.IMAGE): 'image', int(Call.CONTACT): 'contact'}
 
 
-@dataclass
-class RecordedCycle:
-    """A control cycle: its time and the decision of the servo."""
-
-    now: float  # steady [s]
-    now_ns: int
-    status: Any
-    window: Any
-    published: bool = False  # True if its status was published
-
-
 class ServoCore:
     """A servo that repeats its recorded calls; the shape estimator gets its poses and touches."""
 
@@ -56,7 +45,7 @@ class ServoCore:
         self._pose.header.frame_id = self._model.root_frame
         self._status.header.frame_id = c.tip_frame
         self._maps = law.maps_surface
-        self._cycle: RecordedCycle | None = None
+        self._cycle: Any = None  # the last one, until all calls that belong to it are known
         self._news: Any = None  # last state and reason
         self._due = 0  # number of the next call
         self._lost_calls, self._lost = 0, Counter[str]()  # not recorded: calls; inputs by topic
@@ -105,7 +94,9 @@ class ServoCore:
                 self._see(call, time, value, at)
             elif call == Call.CYCLE:
                 self._end_cycle(at)
-                self._cycle = RecordedCycle(time, value, *self.servo.cycle(time, value))
+                status, window = self.servo.cycle(time, value)
+                self._cycle = SimpleNamespace(
+                    now=time, now_ns=value, status=status, window=window, published=False)
             elif call == Call.STATUS and self._cycle:
                 self._cycle.published = True
             elif call == Call.LATE and self._cycle and self._cycle.window:
@@ -153,7 +144,7 @@ class ServoCore:
             self._shape.take_touch(message)
 
     def _end_cycle(self, at: int) -> None:
-        """Emit the results of a cycle once all calls that belong to it are known."""
+        """Emit the results of the last cycle."""
         cycle, self._cycle = self._cycle, None
         if cycle is None:
             return
