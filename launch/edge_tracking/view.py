@@ -198,22 +198,17 @@ def drawn(header: Any, shades: np.ndarray, pitch: list[float], place: dict[str, 
     return image
 
 
-def parser() -> Parser:
-    """Return the command-line parser; it does not cover arguments after --ros-args."""
-    arguments = Parser(prog='view', description=(__doc__ or '').strip(),
-                       epilog='Topics are those of the namespace tactile; another by '
-                       '--ros-args -r __ns:=/NAME')
-    arguments.add_argument('--host', help='address to serve at, with a token where others '
-                           f'reach it; default {ViewConfig.host}')
-    arguments.add_argument('--port', help=f'default {ViewConfig.port}; 0: any that is free')
-    return arguments
-
-
 def main(args: list[str] | None = None) -> int:
     """Serve until interrupted; exit status 2 if the page cannot be served."""
     given, ros = split_ros_args(sys.argv[1:] if args is None else args)
+    parser = Parser(
+        prog='view', description=(__doc__ or '').strip(),
+        epilog='Topics are those of the namespace tactile; another by --ros-args -r __ns:=/NAME')
+    parser.add_argument('--host', help='address to serve at, with a token where others '
+                        f'reach it; default {ViewConfig.host}')
+    parser.add_argument('--port', help=f'default {ViewConfig.port}; 0: any that is free')
     with refusing('view') as command:
-        options = parser().parse_args(given)
+        options = parser.parse_args(given)
         own = [part for name, value in vars(options).items() if value is not None
                for part in ('-p', f'{name}:={value}')]
         command.status = run(ViewNode, [ros[0], *own, *ros[1:]])

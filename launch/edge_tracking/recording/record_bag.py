@@ -178,19 +178,14 @@ class RecorderNode(TactileNode):
             {'written': self.written, 'dropped': self.dropped, 'heard': heard}, name='recorder')
 
 
-def parser() -> Parser:
-    """Return the command-line parser; it does not cover arguments after --ros-args."""
-    arguments = Parser(prog='record_bag', description=(__doc__ or '').strip())
-    arguments.add_argument('bag', type=Path, metavar='BAG', help='new folder to write')
-    arguments.add_argument('--namespace', default=NAMESPACE, help='of the sensor')
-    return arguments
-
-
 def main(args: list[str] | None = None) -> int:
     """Record; return the exit status, see above."""
     given, ros = split_ros_args(sys.argv[1:] if args is None else args)
+    parser = Parser(prog='record_bag', description=(__doc__ or '').strip())
+    parser.add_argument('bag', type=Path, metavar='BAG', help='new folder to write')
+    parser.add_argument('--namespace', default=NAMESPACE, help='of the sensor')
     with refusing('record_bag') as command:
-        options = parser().parse_args(given)
+        options = parser.parse_args(given)
         namespace = options.namespace.strip('/')
 
         def record_bag(context: Any) -> RecorderNode:
