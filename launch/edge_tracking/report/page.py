@@ -77,40 +77,33 @@ def _about(it: Shown) -> list[tuple[str, ...]]:
     """Return rows with information about a recording in addition to its numbers."""
     run, summary = it.run, it.summary
     when = datetime.fromtimestamp(1e-9 * run.start_ns, timezone.utc)
-    rows: list[tuple[str, ...]] = [
-        ('recorded', f'{when:%Y-%m-%d %H:%M:%S} UTC'), ('from', it.name),
-        ('report made by', f'version {version_of_all()}')]
-    if run.nodes & MOCKS:
-        rows.append(('mock nodes', ', '.join(sorted(run.nodes & MOCKS))))
+    law, seed, sensor, goal = summary.get('law', ''), summary.get('seed'), '', ''
     if run.info:
         array = run.info.array
-        rows.append(('sensor', f'{run.info.sensor} in {run.namespace}, {array.rows} \u00d7 '
-                     f'{array.columns} tactels of {1e3 * array.pitch_x:.2f} mm'))
-    if summary.get('law'):
-        rows += [('law', summary['law']), ('last state', summary['state'])]
-    if it.scene:
-        rows.append(('scene', it.scene.description))
-    if summary.get('seed') is not None:
-        rows.append(('seed of the noise', str(summary['seed'])))
-    rows += [('goal', _short(', '.join(f'{name} {value}' for name, value in goal.items())))
-             for goal in run.goals[-1:]]
-    return rows + _settings(run, summary.get('law', ''))
-
-
-def _settings(run: RunData, law: str) -> list[tuple[str, ...]]:
-    """Return rows with commands, versions and non-default parameters of the nodes."""
+        sensor = f'{run.info.sensor} in {run.namespace}, {array.rows} \u00d7 {array.columns} ' \
+            f'tactels of {1e3 * array.pitch_x:.2f} mm'
+    if run.goals:
+        goal = _short(', '.join(f'{name} {value}' for name, value in run.goals[-1].items()))
     first: Mapping[str, Any] = next(iter(run.parameters.values()), {})
-    rows: list[tuple[str, ...]] = [
-        (name, _short(str(known[name]))) for name, known in (
-            ('command', run.parameters.get('track', first)), ('versions', first))
-        if name in known]
-    for node, known in run.parameters.items():
-        defaults = {it.name: it.default for it in parameters_of(
-            node, law if law in LAWS else DEFAULT)} if node in NODES else {}
-        rows.append((f'{node}, not as by default', ', '.join(
-            f'{name} {_short(str(known[name]))}' for name, value in defaults.items()
-            if name in known and known[name] != value) or 'none'))
-    return rows
+    command = run.parameters.get('track', first).get('command', '')
+    rows = [('recorded', f'{when:%Y-%m-%d %H:%M:%S} UTC'), ('from', it.name),
+            ('report made by', f'version {version_of_all()}'),
+            ('mock nodes', ', '.join(sorted(run.nodes & MOCKS))), ('sensor', sensor),
+            ('law', law), ('last state', summary['state'] if law else ''),
+            ('scene', it.scene.description if it.scene else ''),
+            ('seed of the noise', '' if seed is None else str(seed)), ('goal', goal),
+            ('command', _short(str(command))),
+            ('versions', _short(str(first.get('versions', ''))))]
+    rows += [(f'{node}, not as by default', _changed(node, known, law))
+             for node, known in run.parameters.items()]
+    return [row for row in rows if row[1]]
+
+
+def _changed(node: str, known: Mapping[str, Any], law: str) -> str:
+    """Return the parameters of a node that differ from their defaults, as text."""
+    defaults = parameters_of(node, law if law in LAWS else DEFAULT) if node in NODES else []
+    return ', '.join(f'{it.name} {_short(str(known[it.name]))}' for it in defaults
+                     if it.name in known and known[it.name] != it.default) or 'none'
 
 
 def _short(text: str) -> str:
