@@ -3,6 +3,7 @@ from contextlib import ExitStack, nullcontext
 import csv
 import errno
 from functools import partial
+from itertools import count
 import json
 import math
 from pathlib import Path
@@ -83,11 +84,11 @@ def test_tolerances_are_by_field(capsys):
     assert run(capsys, *change, '--compare')[0] == 1
     assert run(capsys, *change, '--compare', '--tolerance', '1')[0] == 0
     assert run(capsys, *change, '--compare', '--tolerance', 'speed=1')[0] == 1
-    own = Comparison({'contact.x': 0.1, 'covariance': 0.2}, ())
+    own = Comparison({'contact.x': 0.1, 'covariance': 0.2}, (), [])
     assert [own._tolerance('contact', name) for name in ('x', 'covariance[3]', 'y')] == [
         0.1, 0.2, 1e-7]
     assert own._tolerance('joint_trajectory', 'points') == 2e-9
-    assert Comparison({'': 1.0}, ())._tolerance('contact', 'covariance[0]') == 1.0
+    assert Comparison({'': 1.0}, (), [])._tolerance('contact', 'covariance[0]') == 1.0
 
 
 @pytest.mark.parametrize('args, text', [
@@ -148,16 +149,23 @@ def test_empty_and_foreign_bags(capsys, tmp_path):
         assert not (tmp_path / 'out').exists()
 
 
-def copy_without(path, *names, more=(), namespace='tactile'):
-    """Write a golden bag again without some topics, and with more messages (topic, message)."""
+def copy_without(path, *names, more=(), namespace='tactile', cut=('', 0)):
+    """
+    Write a golden bag again without some topics, and with more messages (topic, message).
+
+    Of the 50th message of a topic, a number of bytes may be left.
+    """
     with Bag(GOLDEN) as bag, Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         kept = [topic for topic in bag.topics if topic.rpartition('/')[2] not in names]
         to = {topic: writer.add_connection(
             topic.replace('/tactile/', f'/{namespace}/'), bag.topics[topic],
             msgdef=definition(bag.topics[topic]).text,
             rihs01=definition(bag.topics[topic]).digest) for topic in kept}
+        number = count()
         for row in bag.messages(kept):
-            writer.write(to[row.topic], row.received_ns, row.data)
+            damaged = row.topic == cut[0] and next(number) == 50
+            writer.write(to[row.topic], row.received_ns,
+                         row.data[:cut[1]] if damaged else row.data)
         for topic, message in more:
             writer.write(to[topic], bag.span[1], packed(message))
 
@@ -173,6 +181,21 @@ def test_bags_are_compared_by_what_they_have_in_common(capsys, tmp_path):
     status, text = run(capsys, GOLDEN, '--compare', tmp_path / 'images')
     assert status == 1 and f'images: has no {", ".join(made)}: not compared' in text
     assert text.splitlines()[-1].startswith('nothing was compared')
+
+
+@pytest.mark.parametrize('name, left, said', [
+    ('contact', 2, 'equal within the tolerance'), ('contact', 20, 'equal within the tolerance'),
+    ('sensor_pose', 2, 'they differ'),  # without a stamp, it is no partner of the replayed one
+    ('sensor_pose', 20, 'equal within the tolerance')])
+def test_a_damaged_message_is_a_fault_and_all_others_are_compared(
+        capsys, tmp_path, name, left, said):
+    """It ended the replay, and with it the comparison of all readable messages."""
+    copy_without(tmp_path / 'bad', cut=(f'/tactile/{name}', left))
+    status, text = run(capsys, tmp_path / 'bad', '--compare')
+    assert status == 2 and 'joint_trajectory' in text
+    *_, verdict, fault = text.splitlines()
+    assert verdict == said
+    assert f'the message on /tactile/{name} at' in fault and 'is damaged' in fault
 
 
 def test_a_bag_of_before_replays_without_the_servo(capsys, tmp_path):
@@ -327,7 +350,7 @@ def test_a_message_of_one_side_alone_differs_between_others():
         return packed(message)
 
     def compared(*recorded, topic='contour', replayed=(1, 2, 3, 4, 5)):
-        comparison = Comparison({}, COMPARED)
+        comparison = Comparison({}, COMPARED, [])
         for second in recorded:  # equal bytes are not decoded, so no bag is needed
             comparison.take(topic, Recorded(topic, 0, at(second), None))
         for second in replayed:

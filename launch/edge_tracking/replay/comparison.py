@@ -15,7 +15,7 @@ from edge_tracking.recording.record_bag import BagWriter
 from edge_tracking.recording.topics import KINDS, topics
 from tactile_common.config import did_you_mean
 from tactile_common.errors import ConfigurationError
-from tactile_common.ros.bag_reader import Recorded
+from tactile_common.ros.bag_reader import DamagedMessageError, Recorded
 from tactile_common.ros.cdr import packed, stamp_of, unpacked
 from tactile_common.ros.conversions import NS
 from tactile_sensing.types.contact import Contact, REALS
@@ -69,24 +69,31 @@ class Comparison:
     A message without a partner counts as a difference only between the first and last message of
     the other side, because a recording begins and ends in the middle. A topic without a pair
     counts as a difference, too. `tolerances` have the keys `topic.field`, `field`, or '' for all,
-    and come before `TOLERANCES`. Raises a ConfigurationError if a key is none of these.
+    and come before `TOLERANCES`. Raises a ConfigurationError if a key is none of these. `faults`
+    take what is said of recorded messages that are damaged.
     """
 
-    def __init__(self, tolerances: Mapping[str, float], compared: Collection[str]):
+    def __init__(self, tolerances: Mapping[str, float], compared: Collection[str],
+                 faults: list[str]):
         known = {'', *(name for topic in COMPARED for field in names_of(KINDS[topic]())
                        for name in (field, f'{topic}.{field}'))}
         for name in tolerances.keys() - known:
             raise ConfigurationError(f'--tolerance {name}: no compared message has such a field'
                                      f'{did_you_mean(name, known)}')
-        self._tolerances, self.compared = tolerances, compared
+        self._tolerances, self.compared, self._faults = tolerances, compared, faults
         self._unstamped: Counter[tuple[str, int]] = Counter()
         self.topics: dict[str, Tally] = {}
         self.first: list[str] = []
 
     def take(self, topic: str, message: Recorded | bytes) -> None:
         """Add a recorded message or the bytes of a replayed one; compare it with its partner."""
-        if topic not in self.compared:
-            return
+        if topic in self.compared:
+            try:
+                self._take(topic, message)
+            except DamagedMessageError as error:
+                self._faults.append(str(error))
+
+    def _take(self, topic: str, message: Recorded | bytes) -> None:
         side, stamp = (1, stamp_of(message)) if isinstance(message, bytes) else (
             0, message.stamp_ns)
         tally = self.topics.setdefault(topic, Tally())

@@ -142,7 +142,8 @@ class Replay:
         self._compares = options.compare is not None
         self._comparison = Comparison(
             options.tolerances,
-            COMPARED.keys() & self._made & self._reference.topic.keys() if self._compares else ())
+            COMPARED.keys() & self._made & self._reference.topic.keys() if self._compares else (),
+            self.result.faults)
         self.output = Output(
             self._comparison, options.out, self.bag.prefix.strip('/'), stack)
         for node, values in settings.changed.items():  # also in the written recording
