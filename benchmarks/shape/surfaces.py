@@ -8,6 +8,17 @@ from tactile_common.polyline import arc_length
 from tactile_simulation.surface_objects import Torus as SolidTorus
 
 
+def value(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return X' S X at points (..., 3): 0 on the surface, positive inside the object."""
+    x = np.insert(points, 3, 1.0, axis=-1)
+    return np.einsum('...i,ij,...j', x, matrix, x)
+
+
+def gradient(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return 2 L S X (4.12) at points (..., 3), the inward normal but for its length."""
+    return 2.0 * np.insert(points, 3, 1.0, axis=-1) @ matrix[:, :3]
+
+
 class Torus(SolidTorus):
     """A torus with points on it; also plane, cylinder and sphere."""
 

@@ -5,7 +5,7 @@ from hypothesis.extra import numpy as npst
 import numpy as np
 import pytest
 
-from benchmarks.shape.surfaces import add_noise, cylinder, PLANE, sphere, Weave
+from benchmarks.shape.surfaces import add_noise, cylinder, PLANE, sphere, value, Weave
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.thesis.matrix_estimator import MatrixEstimator
 from tactile_shape.types.patch import Kind
@@ -26,11 +26,11 @@ def test_exact_without_noise(surface):
     points, normals = Weave(heading=0.4).trace(surface, 0.04)
     patch = last(EXACT, points, normals)
     assert patch.valid and patch.kind == Kind.GENERAL and patch.seen.all()
-    np.testing.assert_allclose(SurfaceMatrix(patch.surface_matrix).value(points), 0.0, atol=1e-9)
+    np.testing.assert_allclose(value(patch.surface_matrix, points), 0.0, atol=1e-9)
     expected = np.sort(np.diag(surface.curvature))[::-1]
     np.testing.assert_allclose(patch.curvature, expected, atol=1e-6)
-    np.testing.assert_allclose(
-        SurfaceMatrix(patch.surface_matrix).curvatures(points[-1])[0], expected, atol=1e-6)
+    there = SurfaceMatrix(patch.surface_matrix).in_frame(patch.frame)
+    np.testing.assert_allclose(there.curvatures()[0], expected, atol=1e-6)
 
 
 def test_what_is_unseen_is_named_and_has_the_prior():

@@ -81,50 +81,24 @@ class SurfaceMatrix:
         transform = np.asarray(transform, dtype=float)
         return SurfaceMatrix(transform.T @ self.matrix @ transform)
 
-    def normalised(self, point: ArrayLike = (0.0, 0.0, 0.0)) -> 'SurfaceMatrix':
-        """Return the same surface, scaled so that its normal at a point has length 1."""
-        length = np.linalg.norm(self.gradient(np.asarray(point, dtype=float)))
+    def normalised(self) -> 'SurfaceMatrix':
+        """Return the same surface, scaled so that its normal at the origin has length 1 (4.12)."""
+        length = np.linalg.norm(2.0 * self.matrix[3, :3])
         if not length > 0.0:
-            raise SurfaceError(f'surface has no normal at {np.asarray(point).tolist()}')
+            raise SurfaceError('surface has no normal at the origin')
         return SurfaceMatrix(self.matrix / length)
 
-    def value(self, points: ArrayLike) -> np.ndarray:
-        """Return X' S X at points (..., 3): 0 on the surface, positive inside the object."""
-        x = _homogeneous(points)
-        return np.einsum('...i,ij,...j', x, self.matrix, x)
-
-    def gradient(self, points: ArrayLike) -> np.ndarray:
-        """Return the normal 2 L S X (4.12) at points (..., 3), not scaled to length 1."""
-        return 2.0 * _homogeneous(points) @ self.matrix[:, :3]
-
-    def normal(self, points: ArrayLike) -> np.ndarray:
+    def curvatures(self) -> tuple[np.ndarray, np.ndarray]:
         """
-        Return the inward unit normal at points (..., 3).
-
-        Raises a SurfaceError where it is undefined: at the apex of a cone, the centre of a sphere.
-        """
-        gradient = self.gradient(points)
-        length = np.linalg.norm(gradient, axis=-1, keepdims=True)
-        if not (length > 0.0).all():
-            raise SurfaceError('surface has no normal at one of the points')
-        return gradient / length
-
-    def curvatures(self, point: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[np.ndarray, np.ndarray]:
-        """
-        Return the principal curvatures at a point, the larger in magnitude first [1/m].
+        Return the principal curvatures at the origin, the larger in magnitude first [1/m].
 
         Also returns the frame (3, 3): the two principal directions and the inward normal.
-        Raises a SurfaceError if the normal is undefined.
+        Raises a SurfaceError if the normal is undefined: at the apex of a cone, the centre of a
+        sphere.
         """
-        point = np.asarray(point, dtype=float)
-        tangent = tangent_frame(self.normal(point))
+        matrix = self.normalised().matrix
+        tangent = tangent_frame(2.0 * matrix[3, :3])
         along = tangent[:, :2]
-        steepness = np.linalg.norm(self.gradient(point))
-        local = -2.0 / steepness * along.T @ self.matrix[:3, :3] @ along
+        local = -2.0 * along.T @ matrix[:3, :3] @ along
         first, second, heading = principal_curvatures(local[0, 0], local[0, 1], local[1, 1])
         return np.array([first, second]), tangent @ turn_about_z(heading)
-
-
-def _homogeneous(points: ArrayLike) -> np.ndarray:
-    points = np.asarray(points, dtype=float)
-    return np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)
