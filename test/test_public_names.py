@@ -30,12 +30,11 @@ def test_examples(package, monkeypatch):
 
 
 def test_a_class_name_has_one_meaning():
-    """But the reasons of contacts and of goals, and the sections of each law's parameters."""
+    """But the reasons of contacts and of goals."""
     places = {}
     for package in (*PACKAGES, 'tactile_common', 'edge_tracking'):
         for path in Path(import_module(package).__file__).parent.rglob('*.py'):
             for node in ast.walk(ast.parse(path.read_text('utf-8'))):
                 if isinstance(node, ast.ClassDef):
                     places.setdefault(node.name, []).append(path)
-    assert {name for name, paths in places.items() if len(paths) > 1} == {
-        'Reason', 'ForceConfig', 'SpeedConfig'}
+    assert {name for name, paths in places.items() if len(paths) > 1} == {'Reason'}

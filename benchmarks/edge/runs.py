@@ -13,8 +13,8 @@ import yaml
 from tactile_servo.config import ServoConfig
 from tactile_servo.control import stability
 from tactile_servo.control.stability import gain_limit
-from tactile_servo.laws.edge_config import EdgeFollowingConfig, PathConfig
-from tactile_servo.laws.resolved_rate import PositionConfig, ResolvedRateConfig
+from tactile_servo.laws.edge_motion import EdgeFollowingConfig
+from tactile_servo.laws.resolved_rate import ResolvedRateConfig
 from tactile_servo.motion.motion import COMMITTED
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import PICTURE_RATE, Simulation
@@ -99,8 +99,8 @@ def is_stable(tracker, gain, latency):
     """Return True if the pad settles on a straight edge after a small initial offset."""
     scene = shipped('straight')
     scene = replace(scene, start=replace(scene.start, offset=OFFSET))
-    settings = (EdgeFollowingConfig(path=PathConfig(lateral_gain=gain)) if tracker == 'trace' else
-                ResolvedRateConfig(position=PositionConfig(1.0 / gain)))
+    settings = (EdgeFollowingConfig(lateral_gain=gain) if tracker == 'trace' else
+                ResolvedRateConfig(across_time=1.0 / gain))
     with patch.object(stability, 'LIMIT_SHARE', 10.0):  # do not limit the gain
         simulation, _ = follow(scene, tracker, 0.03, 0, latency=latency, settings=settings,
                                seconds=3.5)

@@ -8,12 +8,7 @@ import numpy as np
 from benchmarks.harness import ROOT
 from tactile_servo.config import ForceBounds, ServoConfig
 from tactile_servo.control.stability import gain_limit
-from tactile_servo.laws.surface_config import (
-    ForceConfig,
-    ProbeConfig,
-    SpeedConfig,
-    SurfaceConfig,
-)
+from tactile_servo.laws.surface_config import ProbeConfig, SurfaceConfig
 from tactile_servo.laws.surface_following import RATE_SHARE
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_simulation.closed_loop import PICTURE_RATE, Simulation
@@ -41,7 +36,7 @@ KEYS = ('ok', 'reason_code', 'tracked_length', 'surface_rms', 'surface_max', 'ce
 WORST = ('surface_rms', 'surface_max', 'centre_max', 'force_rms_error', 'force_max')
 LONGEST = 60.0  # s simulated
 # 150 and 200 mm/s need a fast wrist and suitable limits.
-FAST = SurfaceConfig(speed=SpeedConfig(acceleration=1.0, blind=5e-5))
+FAST = SurfaceConfig(acceleration=1.0, blind=5e-5)
 FAST_WRIST = 12.0  # rad/s
 
 
@@ -128,7 +123,7 @@ def gains() -> Iterator[Case]:
                 if gain > MOST_GAIN:
                     continue
                 share_of_gain = RATE_SHARE if control == 'thesis' else 1.0
-                settings = SurfaceConfig(force=ForceConfig(gain=gain / share_of_gain))
+                settings = SurfaceConfig(force_gain=gain / share_of_gain)
                 yield Case('gains', {'control': control, 'latency': latency, 'limit': limit,
                                      'share': share}, 'plane', line(0.02, length=0.02),
                            settings, law, latency=latency, one=True)

@@ -2,9 +2,10 @@
 Fields of configuration dataclasses with description, unit and bounds, and their checks.
 
 A field's default is in the dataclass, its bounds are in the field's metadata: `doc`, `unit`,
-`range` (smallest and largest value, both allowed), `choices` and `live`. A tuple may also have
-`one_for_all`: a single value is then accepted in place of a list. `check_fields`, called in
-`__post_init__`, and the declaration of ROS parameters both read this metadata.
+`range` (smallest and largest value, both allowed), `choices`, `live`, and `name` if users know it
+by another name than the field's. A tuple may also have `one_for_all`: a single value is then
+accepted in place of a list. `check_fields`, called in `__post_init__`, and the declaration of ROS
+parameters both read this metadata.
 """
 from collections.abc import Iterable, Iterator, Mapping
 import dataclasses
@@ -24,20 +25,18 @@ _KINDS = {bool: (bool, 'a boolean'), int: (Integral, 'an integer'), float: (Real
 
 
 def bounded(default: Any, doc: str = '', unit: str = '', low: float = -math.inf,
-            high: float = math.inf, *, live: bool = False) -> Any:
+            high: float = math.inf, *, live: bool = False, **metadata: Any) -> Any:
     """
     Return a dataclass field for numbers between two bounds, both allowed.
 
     A `live` field can be changed while a node runs: a gain or a speed, never a limit.
     """
-    return dataclasses.field(
-        default=default,
-        metadata={'doc': doc, 'unit': unit, 'range': (low, high), 'live': live})
+    return documented(default, doc, unit, range=(low, high), live=live, **metadata)
 
 
-def documented(default: Any, doc: str, unit: str = '') -> Any:
-    """Return a dataclass field without bounds."""
-    return dataclasses.field(default=default, metadata={'doc': doc, 'unit': unit})
+def documented(default: Any, doc: str, unit: str = '', **metadata: Any) -> Any:
+    """Return a dataclass field without bounds, with more `metadata` if needed."""
+    return dataclasses.field(default=default, metadata={'doc': doc, 'unit': unit, **metadata})
 
 
 def one_of(default: str, doc: str, choices: Iterable[str]) -> Any:
@@ -71,11 +70,13 @@ def leaves(config_class: type, prefix: str = '', defaults: Any = None
     """
     Yield name, default, type and metadata of every field, also of nested dataclasses.
 
-    The name of a field of a nested dataclass includes the outer field's name and a dot, such as
-    `force.gain`. The values in `defaults`, if given, replace the defaults of the fields.
+    The name is that in the field's metadata, if any. In a nested dataclass it includes the outer
+    field's name and a dot, such as `force.max_load`. The values in `defaults`, if given, replace
+    the defaults of the fields.
     """
     for field in dataclasses.fields(config_class):
-        name, kind = prefix + field.name, types_of(config_class)[field.name]
+        name = prefix + field.metadata.get('name', field.name)
+        kind = types_of(config_class)[field.name]
         default = field.default if defaults is None else getattr(defaults, field.name)
         if callable(field.default_factory) and default is dataclasses.MISSING:
             default = field.default_factory()
@@ -96,8 +97,12 @@ def built(config_class: type, values: Mapping[str, Any], prefix: str = '', defau
              for name, default, kind, metadata in leaves(config_class, prefix, defaults)}
 
     def make(kind: Any, prefix: str) -> Any:
-        return kind(**{name: make(part, f'{prefix}{name}.') if dataclasses.is_dataclass(part)
-                       else found[prefix + name] for name, part in types_of(kind).items()})
+        parts, kinds = {}, types_of(kind)
+        for field in dataclasses.fields(kind):
+            name, part = prefix + field.metadata.get('name', field.name), kinds[field.name]
+            parts[field.name] = make(part, f'{name}.') if dataclasses.is_dataclass(part) else (
+                found[name])
+        return kind(**parts)
     return make(config_class, prefix)
 
 

@@ -43,7 +43,7 @@ def test_gains_reach_the_controllers_at_once_and_limits_stay(node):
     answers = node.set_parameters([Parameter(k, value=v) for k, v in wanted.items()])
     assert all(answer.successful for answer in answers)
     motion = law._motion
-    assert (motion._force.gain, motion.config.path.lateral_gain, law.config.force.gain) == (
+    assert (motion._force.gain, motion.config.lateral_gain, law.config.force_gain) == (
         30.0, 11.0, 30.0)
     for name in ('force.max_load', 'speed.max', 'joints.acceleration', 'workspace.lower',
                  'law', 'rate'):

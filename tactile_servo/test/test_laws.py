@@ -1,6 +1,6 @@
 """The registry of laws, and the parameters of laws, robot and limits."""
 import ast
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, replace
 from importlib import import_module
 import inspect
 from pathlib import Path
@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactile_common.config import types_of
 from tactile_common.errors import ConfigurationError
-from tactile_common.parameter_file import ParameterFile
+from tactile_common.parameter_file import ParameterFile, parameters_of
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.types.array import TactelArray
 from tactile_servo import laws
@@ -22,16 +21,6 @@ from tactile_servo.robot_config import NodeConfig, robot_of
 from tactile_servo.types import EdgeGoal
 
 MEMBERS = [name for name, _ in inspect.getmembers(ServoLaw) if not name.startswith('_')]
-
-
-def names(config, prefix=''):
-    """Names of the parameters that a configuration declares."""
-    for field in fields(config):
-        kind = types_of(config)[field.name]
-        if is_dataclass(kind):
-            yield from names(kind, f'{prefix}{field.name}.')
-        else:
-            yield prefix + field.name
 
 
 @pytest.mark.parametrize('name', LAWS)
@@ -94,7 +83,8 @@ def test_an_impossible_stiffness_of_the_skin_is_refused(told, name):
 
 @pytest.mark.parametrize('name', LAWS)
 def test_no_parameter_has_two_meanings(name):
-    declared = [*names(NodeConfig), *names(ServoConfig), *names(LAWS[name].law.config_type)]
+    declared = [parameter.name for parameter in parameters_of(
+        (NodeConfig, ServoConfig, LAWS[name].law.config_type))]
     assert len(declared) == len(set(declared))
 
 

@@ -12,7 +12,7 @@ from tactile_servo.control.scaling import slewed
 from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.laws import edge_motion
-from tactile_servo.laws.edge_config import EdgeFollowingConfig
+from tactile_servo.laws.edge_motion import EdgeFollowingConfig
 from tactile_servo.laws.edge_sight import Load
 from tactile_servo.types import EdgeGoal
 
@@ -100,7 +100,7 @@ def test_the_pad_speeds_up_by_its_acceleration_and_keeps_the_limit():
     edge, place = Edge(), at()
     motion = motion_on(edge)
     motion.along(place, UNBOUNDED, DT)
-    assert edge.acceleration == edge_motion.AGILE * EdgeFollowingConfig().speed.acceleration
+    assert edge.acceleration == edge_motion.AGILE * EdgeFollowingConfig().acceleration
     assert motion.speed == pytest.approx(edge.acceleration * DT)
     for _ in range(100):
         motion.along(place, UNBOUNDED, DT)
@@ -129,7 +129,7 @@ def test_the_pad_comes_to_the_path_and_does_not_overshoot():
 def test_acceleration_in_the_plane_is_bounded_and_keeps_its_direction():
     motion = motion_on(Edge())
     x, y = motion.aside(3.0, 4.0, DT)
-    assert math.hypot(x, y) == pytest.approx(EdgeFollowingConfig().speed.acceleration * DT)
+    assert math.hypot(x, y) == pytest.approx(EdgeFollowingConfig().acceleration * DT)
     assert y / x == pytest.approx(4 / 3)
     motion.reset()
     assert motion.velocity == (0.0, 0.0)

@@ -19,7 +19,7 @@ from tactile_servo.control.surface_path import PlanarPath, raster, SectionPath, 
 from tactile_servo.conversions import surface_goal_from_msg, touch_to_msg
 from tactile_servo.law import Observation, Teachable, Touch
 from tactile_servo.laws.registry import LAWS, make_law
-from tactile_servo.laws.surface_config import JacobianConfig, ProbeConfig, SurfaceConfig
+from tactile_servo.laws.surface_config import ProbeConfig, SurfaceConfig
 from tactile_servo.laws.surface_features import between, ContactSense, Felt, PadContact
 from tactile_servo.laws.surface_following import SurfaceFollowing
 from tactile_servo.laws.surface_goal import Pattern, refuse_surface_goal, SurfaceGoal
@@ -212,7 +212,7 @@ def test_a_table_on_disk_is_used_and_a_wrong_one_refused(tmp_path):
     features = ModelFeatures(HALF_SPACE, ARRAY, FeatureKind.MOMENTS)
     build_table(features, FeatureKind.MOMENTS, grid(0.01, 0.01, 5, (4.0, 5.0, 6.0)), Increments(),
                 0.0127).save(path)
-    config = SurfaceConfig(jacobian=JacobianConfig(str(path)))
+    config = SurfaceConfig(table=str(path))
     law = SurfaceFollowing(ServoConfig(), config)
     law.begin(GOAL, Calibration(ARRAY, depth=DOME.depth).sensor_info('pad', '', 0))
     law.observe(Observation(0, 0.0, 0.0, np.eye(4), image_of((2e-3, 1e-3), FORCE)))

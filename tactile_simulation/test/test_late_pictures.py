@@ -68,11 +68,11 @@ def test_gains_are_the_lesser_of_what_is_asked_for_and_what_the_age_allows(age):
     delay = age + 0.5 * PICTURE + 0.5 / 400 + COMMITTED + 0.0025
     allowed = scanned_limit(delay, 0.010) / 2.5
     c = ResolvedRateConfig()
-    assert lateral / 0.001 == pytest.approx(min(1.0 / c.position.segment_time, allowed), rel=1e-3)
-    assert turn / 0.02 == pytest.approx(min(1.0 / c.position.segment_time, allowed), rel=1e-3)
+    assert lateral / 0.001 == pytest.approx(min(1.0 / c.across_time, allowed), rel=1e-3)
+    assert turn / 0.02 == pytest.approx(min(1.0 / c.across_time, allowed), rel=1e-3)
     assert normal * law.stiffness / 0.1 == pytest.approx(
-        min(1.0 / c.force.segment_time, allowed), rel=1e-3)
-    assert (allowed > 1.0 / c.force.segment_time) == (age <= 0.01)
+        min(1.0 / c.force_time, allowed), rel=1e-3)
+    assert (allowed > 1.0 / c.force_time) == (age <= 0.01)
 
 
 def test_an_age_that_is_not_known_is_taken_for_the_worst():

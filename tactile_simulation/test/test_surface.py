@@ -11,11 +11,7 @@ from benchmarks.shape.claims import in_the_loop
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_servo.config import ForceBounds, ServoConfig
-from tactile_servo.laws.surface_config import (
-    JacobianConfig,
-    ProbeConfig,
-    SurfaceConfig,
-)
+from tactile_servo.laws.surface_config import ProbeConfig, SurfaceConfig
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_servo.reasons import Refused
 from tactile_servo.tactile_jacobian.features import ModelFeatures
@@ -242,7 +238,7 @@ def test_tables_are_used_and_holes_or_another_probe_borne(dome, hole, tmp_path):
     if hole:
         table.inverse[::hole], table.features[1::7] = np.nan, np.nan
     table.save(tmp_path / 'table.npz')
-    settings = SurfaceConfig(jacobian=JacobianConfig(str(tmp_path / 'table.npz')))
+    settings = SurfaceConfig(table=str(tmp_path / 'table.npz'))
     _, summary = follow(scene, line(0.03, length=0.015), settings=settings)
     assert summary['ok'] and summary['centre_max'] < 1e-3 and summary['force_max'] < 6.5
 

@@ -11,8 +11,8 @@ import pytest
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_servo.config import ForceBounds, HoldConfig, PRESS_DEPTH, ServoConfig
 from tactile_servo.law import Observation
-from tactile_servo.laws.edge_config import AttitudeConfig, EdgeFollowingConfig, SpeedConfig
 from tactile_servo.laws.edge_following import EdgeFollowing
+from tactile_servo.laws.edge_motion import EdgeFollowingConfig
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
@@ -316,7 +316,7 @@ def puma_check(goal):
 @pytest.mark.parametrize('speed', [pytest.param(0.05, marks=pytest.mark.long), 0.1])
 def test_a_corner_is_held_by_an_arm_whose_wrist_is_no_faster_than_its_other_joints(speed):
     loop = puma_loop('course', 'trace', settings=EdgeFollowingConfig(
-        SpeedConfig(acceleration=1.0), attitude=AttitudeConfig(max_turn=2.5)))
+        acceleration=1.0, max_turn=2.5))
     loop.run(EdgeGoal(speed, 5.0), 30.0)
     truth = loop.truth()
     assert loop.servo.success

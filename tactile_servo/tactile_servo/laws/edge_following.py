@@ -12,9 +12,8 @@ from tactile_servo.control.progress import LapGuard, Stall
 from tactile_servo.edge_map.edge_map import PathPosition
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.law import Assessment, done, LawResult, Observation, Reference, UNPLACED
-from tactile_servo.laws.edge_config import EdgeFollowingConfig
 from tactile_servo.laws.edge_law import EdgeLaw, SKIN_STIFFNESS, skin_stiffness_of, total_stiffness
-from tactile_servo.laws.edge_motion import EdgeMotion
+from tactile_servo.laws.edge_motion import EdgeFollowingConfig, EdgeMotion
 from tactile_servo.laws.edge_sight import EdgeSight
 from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode

@@ -1,9 +1,11 @@
 """Motion of a pad along an edge: speed and path in the plane, force along the normal, turn."""
 
+from dataclasses import dataclass
 import math
 
 import numpy as np
 
+from tactile_common.config import bounded
 from tactile_servo.control.attitude_controller import AttitudeController, off_edge, TURNING
 from tactile_servo.control.force_controller import (
     BRAKING,
@@ -17,7 +19,6 @@ from tactile_servo.control.scaling import caution, clipped
 from tactile_servo.control.stability import DEAD_TIME, LAG, stable_gain
 from tactile_servo.edge_map.edge_map import PathPosition
 from tactile_servo.edge_map.traced_path import PathEnd
-from tactile_servo.laws.edge_config import EdgeFollowingConfig
 from tactile_servo.laws.edge_sight import EdgeSight, Load
 from tactile_servo.motion.motion import COMMITTED, Motion
 from tactile_servo.types import EdgeGoal
@@ -43,6 +44,27 @@ INTEGRAL = 60.0  # integral gain of the force control [1/s^2]
 # Turn along the edge: gain [1/s], largest rate [rad/s] and acceleration [rad/s^2]
 TURN_GAIN, TURN_RATE, TURN_ACCELERATION = 5.0, 1.5, 5.0
 ABOUT_NORMAL = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])  # twist per radian
+
+
+@dataclass(frozen=True)
+class EdgeFollowingConfig:
+    """User settings of robot and task for the law 'trace'."""
+
+    acceleration: float = bounded(
+        2.0, 'largest acceleration of the pad in the plane of the edge', 'm/s^2', 0.01, 100.0,
+        name='speed.acceleration')
+    lateral_gain: float = bounded(
+        30.0, "rate at which the pad's distance from the traced edge is made up", '1/s',
+        1.0, 200.0, live=True, name='path.lateral_gain')
+    corner_cut: float = bounded(
+        5e-5, 'distance from a sharp corner at which the pad may pass it; what the task allows',
+        'm', 1e-6, 1e-2, name='path.corner_cut')
+    force_gain: float = bounded(
+        60.0, 'rate at which an error of the force is made up', '1/s', 1.0, 200.0, live=True,
+        name='force.gain')
+    max_turn: float = bounded(
+        7.0, 'the pad is turned with the edge up to this angle from where it began, and '
+        'kept beyond', 'rad', 0.0, 100.0, name='attitude.max_turn')
 
 
 def missing_depth(force: float, load: Load, *, half: float, length: float, pressed: float,
@@ -74,14 +96,14 @@ class EdgeMotion:
                  stiffness: float):
         self.config, self.goal, self.sight = config, goal, sight
         self._stiffness = stiffness
-        self._force = ForceController(config.force.gain, INTEGRAL, press=NORMAL, lift=NORMAL)
+        self._force = ForceController(config.force_gain, INTEGRAL, press=NORMAL, lift=NORMAL)
         self._attitude = AttitudeController(TURN_GAIN, TURN_RATE)
         self._behind = self._mean_speed = 0.0  # way behind the command [m] and speed [m/s]
         self.reset()
 
     def retune(self, config: EdgeFollowingConfig) -> None:
         """Use new gains from now on."""
-        self.config, self._force.gain = config, config.force.gain
+        self.config, self._force.gain = config, config.force_gain
 
     def reset(self) -> None:
         """Reset all controllers to standstill."""
@@ -93,7 +115,7 @@ class EdgeMotion:
     def soon(self) -> tuple[float, float]:
         """Return the displacement x, y [m] within the time constant of the force control."""
         x, y = self.velocity
-        return x / self.config.force.gain, y / self.config.force.gain
+        return x / self.config.force_gain, y / self.config.force_gain
 
     def along(self, place: PathPosition, robot: Motion, dt: float, *,
               may_lift: bool = False) -> tuple[float, float]:
@@ -113,16 +135,16 @@ class EdgeMotion:
         top = min(top, AGILE * NORMAL / max(abs(self.sight.slope), 1e-9))  # on a slope
         course = place.there[:3, :3].T @ (*place.way, self.sight.slope)
         top = min(top, robot.passing(np.array([*course, 0.0, 0.0, 0.0])))
-        most = min(self.config.speed.acceleration, robot.across())
+        most = min(self.config.acceleration, robot.across())
         end_speed = BLIND if edge.path.end is PathEnd.VIEW else top
         if self.sight.lifted and not may_lift:
             end_speed = 0.0  # turn onto the edge first
         top = edge.speed_limit(place.ahead, top, AGILE * most, end_speed,
-                               self.config.path.corner_cut, settle=CORNER_SETTLE)
+                               self.config.corner_cut, settle=CORNER_SETTLE)
         self.speed = speed = min(top, self.speed + AGILE * most * dt)
         ux, uy = edge.way(place.ahead, place.ahead + LOOK_AHEAD * scale.grain + speed * dt)
         # Return to the path slowly enough to stop there.
-        gain = min(self.config.path.lateral_gain, stable_gain(self._measure_delay(place, dt)))
+        gain = min(self.config.lateral_gain, stable_gain(self._measure_delay(place, dt)))
         back = min(gain * distance, math.sqrt(most * distance),
                    RETURN_SPEED) / max(distance, 1e-9)
         x, y = place.aside
@@ -147,7 +169,7 @@ class EdgeMotion:
     def aside(self, x: float, y: float, dt: float) -> tuple[float, float]:
         """Change the velocity towards a wanted x, y that leaves the path; return it [m/s]."""
         self.speed = math.hypot(x, y)
-        return self._change(x, y, self.config.speed.acceleration * dt)
+        return self._change(x, y, self.config.acceleration * dt)
 
     def touch_speed(self, left: float) -> float:
         """Return the speed along the normal [m/s] that can stop at a touch or after `left` [m]."""
@@ -184,7 +206,7 @@ class EdgeMotion:
     def turn(self, place: PathPosition, robot: Motion, dt: float) -> np.ndarray:
         """Return the angular velocity (3,) that aligns the pad with the edge [rad/s]."""
         error = off_edge(place.there, place.way, self.sight.slope, self.goal.direction,
-                         self.config.attitude.max_turn)
+                         self.config.max_turn)
         most = robot.passing(ABOUT_NORMAL) / TURN_GAIN
         return self._attitude.rate(
             error * min(1.0, most / max(float(np.linalg.norm(error)), 1e-12)), np.zeros(3), dt,

@@ -1,6 +1,6 @@
 """Law 'resolved_rate', the thesis' resolved-rate control on contact parameters (5.3, 5.4)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 import math
 from typing import ClassVar
 
@@ -110,36 +110,17 @@ def edge_tilt(moments: Moments, half_length: float, stiffness: float) -> float:
 
 
 @dataclass(frozen=True)
-class PositionConfig:
-    """Motion across the edge, and about the normal."""
-
-    segment_time: float = bounded(
-        0.08, 'T_seg of (5.3) for position and angle across the edge: gain 1 / T_seg', 's',
-        0.01, 10.0, live=True)
-
-
-@dataclass(frozen=True)
-class ForceConfig:
-    """Motion along the normal."""
-
-    segment_time: float = bounded(
-        0.06, 'T_seg of (5.3) for the contact force', 's', 0.01, 10.0, live=True)
-
-
-@dataclass(frozen=True)
-class AlongConfig:
-    """Motion along the edge."""
-
-    acceleration: float = bounded(1.0, 'acceleration along the edge', 'm/s^2', 0.01, 100.0)
-
-
-@dataclass(frozen=True)
 class ResolvedRateConfig:
     """Gains of the law 'resolved_rate': every error is to be corrected within its T_seg (5.3)."""
 
-    speed: AlongConfig = field(default_factory=AlongConfig)
-    position: PositionConfig = field(default_factory=PositionConfig)
-    force: ForceConfig = field(default_factory=ForceConfig)
+    acceleration: float = bounded(
+        1.0, 'acceleration along the edge', 'm/s^2', 0.01, 100.0, name='speed.acceleration')
+    across_time: float = bounded(
+        0.08, 'T_seg of (5.3) for position and angle across the edge: gain 1 / T_seg', 's',
+        0.01, 10.0, live=True, name='position.segment_time')
+    force_time: float = bounded(
+        0.06, 'T_seg of (5.3) for the contact force', 's', 0.01, 10.0, live=True,
+        name='force.segment_time')
 
 
 def speed_factor(features: EdgeFeatures, half_width: float, force: float) -> float:
@@ -161,13 +142,12 @@ def edge_twist(features: EdgeFeatures, speed: float, force: float, stiffness: fl
     def rate(error: float, segment_time: float, most: float) -> float:
         return clipped(error / max(segment_time, shortest), -most, most)
 
-    across, press = config.position, config.force
     return np.array([
-        rate(features.lateral, across.segment_time, ACROSS), speed,
-        rate((force - features.force) / stiffness, press.segment_time, PRESS),
+        rate(features.lateral, config.across_time, ACROSS), speed,
+        rate((force - features.force) / stiffness, config.force_time, PRESS),
         # A larger load ahead means that the edge rises there: turn the pad's front away from it.
         rate(-features.tilt, TILT_TIME, TILT), 0.0,
-        rate(features.yaw, across.segment_time, TURN)])
+        rate(features.yaw, config.across_time, TURN)])
 
 
 class ResolvedRate(EdgeLaw):
@@ -281,7 +261,7 @@ class ResolvedRate(EdgeLaw):
         goal, features = self.goal, self.features
         slowed = speed_factor(features, self._array.half_width_x, goal.force)
         self._speed = slewed(self._speed, 0.0 if self._halted else slowed * goal.speed,
-                             self.config.speed.acceleration * dt)
+                             self.config.acceleration * dt)
         twist = edge_twist(features, goal.direction * self._speed, goal.force, self.stiffness,
                            self.config, self.shortest)
         heading = [goal.direction * way for way in pose[:3, 1].tolist()]

@@ -20,37 +20,19 @@ class ProbeConfig:
 
 
 @dataclass(frozen=True)
-class JacobianConfig:
-    """Source of the Jacobian."""
-
-    table: str = documented(
-        '', 'file made by build_jacobian_table, whose nearest entry is taken; empty: the '
-        "Jacobian at the pad's centre, of a half-space on the probe's tangent plane")
-
-
-@dataclass(frozen=True)
-class SpeedConfig:
-    """Motion over the surface."""
-
-    acceleration: float = bounded(0.2, 'acceleration of the contact', 'm/s^2', 0.01, 100.0)
-    blind: float = bounded(
-        1e-5, 'error of the predicted depth that is accepted until the next image: the probe is '
-        'slower where the curvature ahead is less certain', 'm', 1e-7, 1e-2)
-
-
-@dataclass(frozen=True)
-class ForceConfig:
-    """Motion along the contact's normal."""
-
-    gain: float = bounded(
-        30.0, 'rate at which an error of the force is made up', '1/s', 0.1, 500.0, live=True)
-
-
-@dataclass(frozen=True)
 class SurfaceConfig:
     """User settings of probe, robot and task for the laws that follow a surface."""
 
     probe: ProbeConfig = field(default_factory=ProbeConfig)
-    jacobian: JacobianConfig = field(default_factory=JacobianConfig)
-    speed: SpeedConfig = field(default_factory=SpeedConfig)
-    force: ForceConfig = field(default_factory=ForceConfig)
+    table: str = documented(
+        '', 'file made by build_jacobian_table, whose nearest entry is taken; empty: the '
+        "Jacobian at the pad's centre, of a half-space on the probe's tangent plane",
+        name='jacobian.table')
+    acceleration: float = bounded(
+        0.2, 'acceleration of the contact', 'm/s^2', 0.01, 100.0, name='speed.acceleration')
+    blind: float = bounded(
+        1e-5, 'error of the predicted depth that is accepted until the next image: the probe is '
+        'slower where the curvature ahead is less certain', 'm', 1e-7, 1e-2, name='speed.blind')
+    force_gain: float = bounded(
+        30.0, 'rate at which an error of the force is made up', '1/s', 0.1, 500.0, live=True,
+        name='force.gain')

@@ -139,7 +139,7 @@ class SurfaceFollowing(ServoLaw):
     def __init__(self, servo: ServoConfig, config: SurfaceConfig | None = None):
         self.servo, self.config = servo, config or SurfaceConfig()
         self._stale, self._age, self._begun = STALE_AFTER, MAX_STAMP_AGE, False
-        path = self.config.jacobian.table
+        path = self.config.table
         self._table = load_table(path) if path else None
         self._lessons = Lessons(self._table)
         self.stiffness = math.nan  # set by `begin`
@@ -278,7 +278,7 @@ class SurfaceFollowing(ServoLaw):
         motion, normal = self._motion, self._normal(commanded, dt)
         point = motion.centre_of(commanded) + self._dome.skin_radius * normal
         if self._path is None:
-            self._path = plan_path(self.goal, point, normal, self.config.speed.acceleration)
+            self._path = plan_path(self.goal, point, normal, self.config.acceleration)
         step = self._path.step(point, normal, RETURN_RATE, motion.speed)
         if step is None:
             self._end = done(ReasonCode.NO_PROGRESS, 'the surface is too steep for the path')
@@ -324,7 +324,7 @@ class JacobianRate(SurfaceFollowing):
                commanded: np.ndarray, robot: Motion, dt: float) -> np.ndarray:
         twist, ahead = np.zeros(6), commanded[:3, :3].T @ way
         twist[:2] = self._motion.speed * ahead[:2] / max(math.hypot(ahead[0], ahead[1]), 1e-9)
-        rate, felt, aim = RATE_SHARE * self.config.force.gain, self._felt, self._aim
+        rate, felt, aim = RATE_SHARE * self.config.force_gain, self._felt, self._aim
         dx, dy = rate * (aim.place - felt.place)
         twist[2] = clipped(
             rate * (aim.force - felt.force) / self.stiffness, -LIFT, PRESS)

@@ -48,13 +48,13 @@ class SurfaceMotion:
                  half: float, age: float):
         self.config, self._dome, self._surface, self._half = config, dome, surface, half
         self.age = age  # running mean of the images' age [s]
-        self._force = ForceController(config.force.gain, INTEGRAL, PRESS, LIFT)
+        self._force = ForceController(config.force_gain, INTEGRAL, PRESS, LIFT)
         self._attitude = AttitudeController(ROLL, ROLL_RATE)
         self.reset()
 
     def retune(self, config: SurfaceConfig) -> None:
         """Use new gains from now on."""
-        self._force.gain = config.force.gain
+        self._force.gain = config.force_gain
 
     def reset(self) -> None:
         """Reset all controllers to standstill."""
@@ -95,7 +95,7 @@ class SurfaceMotion:
         shrink = max(1.0 + self._dome.skin_radius * bent, TURNED)
         top = 0.0 if self.halted else min(wanted, step.top) / shrink
         reach = math.sqrt(  # within which the curvature is known well enough
-            2.0 * self.config.speed.blind / max(self._surface.bend_std(step.way), 1e-9))
+            2.0 * self.config.blind / max(self._surface.bend_std(step.way), 1e-9))
         top = min(top, reach / (self.age + ANSWER)) * caution(
             felt.force / aim.force, (off - CENTRED) / (ASIDE - CENTRED))
         self.bound = pace.bound if pace.speed < top else ''
@@ -105,7 +105,7 @@ class SurfaceMotion:
         sharpest = -float(np.linalg.eigvalsh(self._surface.bend)[0])
         if 1.0 - self._dome.skin_radius * sharpest < EDGE:
             top = min(top, EDGE_SPEED / (self._dome.skin_radius * turn))
-        acceleration = self.config.speed.acceleration
+        acceleration = self.config.acceleration
         along = acceleration / shrink
         faster = 0.0 if self._attitude.late else min(
             along, SPARED * pace.acceleration, AT_ONCE * TURNS * acceleration / turn)
@@ -147,6 +147,6 @@ class SurfaceMotion:
         error, ahead = np.cross(axis, normal), np.cross(normal, self._surface.bend @ velocity)
         about = self._twist(np.zeros(3), self._attitude.way(error, ahead), rotation)
         turn = self._attitude.rate(error, ahead, dt, min(
-            TURNS * self.config.speed.acceleration, TURNING * robot.along(about).acceleration))
+            TURNS * self.config.acceleration, TURNING * robot.along(about).acceleration))
         self.velocity = velocity + press * normal
         return self._twist(self.velocity, turn, rotation, dt)
