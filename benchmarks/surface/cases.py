@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import ROOT
-from tactile_servo.config import ForceBounds, ServoConfig
+from tactile_servo.config import ServoConfig
 from tactile_servo.control.stability import gain_limit
 from tactile_servo.laws.surface_config import ProbeConfig, SurfaceConfig
 from tactile_servo.laws.surface_following import RATE_SHARE
@@ -140,7 +140,7 @@ def follow(case: Case, seed: int) -> tuple[dict[str, Any], list, list]:
     if case.step is not None:
         scene = replace(scene, surface=PlacedObject(StepShape(case.step), scene.surface.top))
     hardest = max(case.goal.force, case.before)
-    bounds = ServoConfig(force=ForceBounds(max_load=max(12.0, 1.5 * hardest)))
+    bounds = ServoConfig(max_load=max(12.0, 1.5 * hardest))
     robot = gantry(scene.plant.acceleration, case.wrist) if case.wrist else None
     simulation = Simulation(scene, case.law, seed=seed, settings=case.settings, config=bounds,
                             latency=case.latency, robot=robot)

@@ -1,6 +1,6 @@
 """Configuration of the supervisor: bounds and times. Gains belong to its servo law."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from tactile_common.config import bounded, checked, documented
 
@@ -28,76 +28,40 @@ def image_patience(rate: float) -> float:
 
 
 @dataclass(frozen=True)
-class SpeedBounds:
-    """Bounds of a goal's speed."""
-
-    max: float = bounded(0.2, 'largest speed that a goal may ask for', 'm/s', 0.001, 2.0)
-
-
-@dataclass(frozen=True)
-class ForceBounds:
-    """Bound of the force on the pad."""
-
-    max_load: float = bounded(
-        12.0, 'the pad is lifted off above this force; a goal may ask for two thirds of it', 'N',
-        0.1, 1e4)
-
-    @property
-    def max(self) -> float:
-        """Largest force that a goal may ask for [N]: corners of 90 degrees raise it by half."""
-        return self.max_load / 1.5
-
-
-@dataclass(frozen=True)
-class ApproachConfig:
-    """Approach to the object."""
-
-    speed: float = bounded(
-        0.01, 'speed along the normal towards the object, and away from it', 'm/s', 1e-4, 0.1)
-    contact_force: float = bounded(
-        0.5, 'force from which the pad counts as touching, if it is no noise; '
-             "for `trace` on its way at least a quarter of the goal's force", 'N', 0.01, 100.0)
-    distance: float = bounded(0.03, 'the approach gives up after this way', 'm', 0.001, 1.0)
-
-
-@dataclass(frozen=True)
-class RetreatConfig:
-    """Retreat from the object."""
-
-    distance: float = bounded(0.01, 'how far the pad lifts off at the end', 'm', 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class InputConfig:
-    """Largest deviation from the commanded path."""
-
-    following_distance: float = bounded(
-        0.002, 'hold when the sensor is measured this far from the way that it was sent on '
-        'lately; a rotation counts on 40 mm', 'm', 1e-4, 0.1)
-
-
-@dataclass(frozen=True)
-class HoldConfig:
-    """How a hold ends."""
-
-    give_up: float = bounded(
-        30.0, 'a hold that nobody ended by then aborts the goal', 's', 0.1, 3600.0)
-
-
-@dataclass(frozen=True)
 class ServoConfig:
     """Configuration of the supervisor, the same for every law."""
 
     rate: float = bounded(400.0, 'control cycles per second', 'Hz', SLOWEST_RATE, 2000.0)
-    speed: SpeedBounds = field(default_factory=SpeedBounds)
-    force: ForceBounds = field(default_factory=ForceBounds)
-    approach: ApproachConfig = field(default_factory=ApproachConfig)
-    retreat: RetreatConfig = field(default_factory=RetreatConfig)
-    input: InputConfig = field(default_factory=InputConfig)
-    hold: HoldConfig = field(default_factory=HoldConfig)
+    max_speed: float = bounded(
+        0.2, 'largest speed that a goal may ask for', 'm/s', 0.001, 2.0, name='speed.max')
+    max_load: float = bounded(
+        12.0, 'the pad is lifted off above this force; a goal may ask for two thirds of it', 'N',
+        0.1, 1e4, name='force.max_load')
+    approach_speed: float = bounded(
+        0.01, 'speed along the normal towards the object, and away from it', 'm/s', 1e-4, 0.1,
+        name='approach.speed')
+    contact_force: float = bounded(
+        0.5, 'force from which the pad counts as touching, if it is no noise; '
+             "for `trace` on its way at least a quarter of the goal's force", 'N', 0.01, 100.0,
+        name='approach.contact_force')
+    approach_distance: float = bounded(
+        0.03, 'the approach gives up after this way', 'm', 0.001, 1.0, name='approach.distance')
+    retreat_distance: float = bounded(
+        0.01, 'how far the pad lifts off at the end', 'm', 0.0, 1.0, name='retreat.distance')
+    following_distance: float = bounded(
+        0.002, 'hold when the sensor is measured this far from the way that it was sent on '
+        'lately; a rotation counts on 40 mm', 'm', 1e-4, 0.1, name='input.following_distance')
+    give_up: float = bounded(
+        30.0, 'a hold that nobody ended by then aborts the goal', 's', 0.1, 3600.0,
+        name='hold.give_up')
     self_test: bool = documented(
         True, 'press and release the pad as it has touched, and compare with its stiffness, '
         'before it moves along anything; on edges again where it seems to be too deep')
+
+    @property
+    def max_force(self) -> float:
+        """Largest force that a goal may ask for [N]: corners of 90 degrees raise it by half."""
+        return self.max_load / 1.5
 
 
 def check_goal(speed: float, force: float, config: ServoConfig) -> None:
@@ -107,6 +71,6 @@ def check_goal(speed: float, force: float, config: ServoConfig) -> None:
     ConfigurationError if one is outside the servo's bounds. The force must be at least
     `approach.contact_force`: a smaller one cannot be detected and so cannot be controlled.
     """
-    checked('speed', speed, float, {'range': (SLOWEST, config.speed.max), 'unit': 'm/s'})
+    checked('speed', speed, float, {'range': (SLOWEST, config.max_speed), 'unit': 'm/s'})
     checked('force', force, float, {
-        'range': (config.approach.contact_force, config.force.max), 'unit': 'N'})
+        'range': (config.contact_force, config.max_force), 'unit': 'N'})

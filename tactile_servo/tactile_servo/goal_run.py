@@ -53,7 +53,7 @@ class GoalRun:
         self.hold = Hold(Phase.APPROACH, Reason(ReasonCode.NONE), -np.inf)
         self._config, self._law, self._inputs, self._motion = config, law, inputs, motion
         self._way = NormalWay(config, goal, law, inputs, motion)
-        self._robot = Driven(inputs, motion, config.input.following_distance)
+        self._robot = Driven(inputs, motion, config.following_distance)
         self._limits = TimeLimits(config, goal)
         self._paused, self._outcome = False, self.reason
         # Of this cycle: steady time, period, time since the previous cycle [s], why the robot must
@@ -138,7 +138,7 @@ class GoalRun:
 
     def _waited_long(self) -> Reason | None:
         hold = self.hold
-        longest = LONGEST_PAUSE if self._paused or hold.asked else self._config.hold.give_up
+        longest = LONGEST_PAUSE if self._paused or hold.asked else self._config.give_up
         cause = self.reason if hold.well_since is None else hold.cause
         return Reason(ReasonCode.GAVE_UP, cause.text) if (
             self._now - hold.began > longest) else None

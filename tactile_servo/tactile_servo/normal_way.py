@@ -32,7 +32,7 @@ class NormalWay:
                  motion: Motion):
         self._config, self._goal, self._law = config, goal, law
         self._inputs, self._motion = inputs, motion
-        self._touched, self._lift = False, config.retreat.distance
+        self._touched, self._lift = False, config.retreat_distance
         self._tested = not config.self_test  # whether the sensor passed a test, or needs none
         self._unfelt = 0.0  # largest unfelt force of the law since the last test [N]
         self._test: PressTest | None = None
@@ -90,7 +90,7 @@ class NormalWay:
         rate = sensor.nominal_rate if sensor and sensor.nominal_rate else math.inf
         self._test = PressTest(
             self._goal.force, self._inputs.load, self._law.depth, self._first, rate,
-            self._config.approach.speed)
+            self._config.approach_speed)
         if self._tested and self._law.press is not None:
             self._law.press.learn()  # if the test fails, the goal ends
 
@@ -138,7 +138,7 @@ class NormalWay:
     @property
     def in_contact(self) -> bool:
         """Whether the pad is pressed by a force that is no noise."""
-        return self._inputs.touches(self._config.approach.contact_force, self._goal.force)
+        return self._inputs.touches(self._config.contact_force, self._goal.force)
 
     def touches(self, now: float) -> Reason | None:
         """Return that the pad touches what the law can track, or None."""
@@ -159,14 +159,14 @@ class NormalWay:
 
     def meets_nothing(self) -> Reason | None:
         """Return that an approach has gone as far as it may, or None."""
-        farthest = self._unseen_way() if self._touched else self._config.approach.distance
+        farthest = self._unseen_way() if self._touched else self._config.approach_distance
         far = self.advance >= farthest
         return Reason(ReasonCode.NO_CONTACT, f'within {farthest:.2g} m') if far else None
 
     def alarm(self, now: float) -> Reason | None:
         """Return why the pad must not press on: its force, or what is wrong with the sensor."""
         inputs, load = self._inputs, self._inputs.largest_load
-        if load > self._config.force.max_load:
+        if load > self._config.max_load:
             return Reason(ReasonCode.OVERLOAD, f'{load:.1f} N')
         return inputs.watch.problem(self._goal.force) or inputs.wrist.problem(inputs.load, now)
 
@@ -215,7 +215,7 @@ class NormalWay:
         if self._inputs.saturated and self.in_contact:
             # The force is larger than measured by an unknown amount: lift. Move sideways no faster
             # than that, because a rising surface may be the cause.
-            twist[2] = min(twist[2], -self._config.approach.speed)
+            twist[2] = min(twist[2], -self._config.approach_speed)
             twist[:2] *= min(-twist[2] / max(np.hypot(*twist[:2]), 1e-9), 1.0)
         return twist
 
@@ -227,7 +227,7 @@ class NormalWay:
         the joint limits would delay the motion along the normal as well.
         """
         twist = self._slowed(dt)
-        twist[2] = 0.0 if self.lifted else -self._config.approach.speed
+        twist[2] = 0.0 if self.lifted else -self._config.approach_speed
         return twist
 
     def _slowed(self, dt: float) -> np.ndarray:
@@ -244,10 +244,10 @@ class NormalWay:
         way, contact = self._unseen_way(), self._inputs.contact
         seen = None if contact is None else self._inputs.pose_at(contact.stamp_ns)
         if seen is None:
-            return min(self._config.approach.speed, way / MAX_STAMP_AGE)
+            return min(self._config.approach_speed, way / MAX_STAMP_AGE)
         pose = self._motion.pose
         blind = float((pose[:3, 3] - seen[:3, 3]) @ pose[:3, 2])
-        return clipped((way - blind) / REACTION, 0.0, self._config.approach.speed)
+        return clipped((way - blind) / REACTION, 0.0, self._config.approach_speed)
 
     def _unseen_way(self) -> float:
         return unseen_way(self._goal.force, self._law.stiffness)

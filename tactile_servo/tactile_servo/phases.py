@@ -52,12 +52,12 @@ class TimeLimits:
     """Total times of approach, tracking and retreat, and the longest ones that are allowed [s]."""
 
     def __init__(self, config: ServoConfig, goal: Goal):
-        speed, length = config.approach.speed, getattr(goal, 'length', 0.0)
+        speed, length = config.approach_speed, getattr(goal, 'length', 0.0)
         self._spent: dict[State, float] = defaultdict(float)
         self._longest = {
-            State.APPROACH: _longest(config.approach.distance, speed),
+            State.APPROACH: _longest(config.approach_distance, speed),
             State.TRACK: _longest(length, goal.speed) if length else LONGEST_TRACK,
-            State.RETREAT: _longest(config.retreat.distance, speed)}
+            State.RETREAT: _longest(config.retreat_distance, speed)}
 
     def spend(self, phase: Phase, time: float) -> None:
         """Add a time in a phase [s]."""

@@ -1,7 +1,7 @@
 """Parameters of the robot that a servo moves, and of its limits."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,27 +14,6 @@ from tactile_servo.motion.robot import RobotModel
 # Distance kept from the URDF's joint limits [rad or m]: a joint that brakes late stays within the
 # limits, which some controllers check themselves.
 POSITION_MARGIN = 0.05
-
-
-@dataclass(frozen=True)
-class JointsConfig:
-    """Joint limits in addition to those of the URDF."""
-
-    velocity_scale: float = bounded(
-        1.0, "fraction of the URDF's joint velocities that may be used", '', 0.01, 1.0)
-    acceleration: tuple[float, ...] = field(default=(10.0,), metadata={
-        'doc': "largest acceleration: one for all joints, or one each in the URDF's order",
-        'unit': 'rad/s^2', 'range': (0.1, 1e3), 'one_for_all': True})
-
-
-@dataclass(frozen=True)
-class WorkspaceConfig:
-    """Box in which the sensor's origin stays."""
-
-    lower: tuple[float, ...] = bounded(
-        (-10.0, -10.0, -10.0), 'corner of the box that the sensor stays in, in the base frame',
-        'm', -10.0, 10.0)
-    upper: tuple[float, ...] = bounded((10.0, 10.0, 10.0), 'opposite corner', 'm', -10.0, 10.0)
 
 
 @dataclass(frozen=True)
@@ -54,8 +33,17 @@ class NodeConfig:
     shared_topics: tuple[str, ...] = documented(
         (), 'those among image, contact, /joint_states and the topic of the trajectories that '
         'may have several publishers; for all others the servo holds')
-    joints: JointsConfig = field(default_factory=JointsConfig)
-    workspace: WorkspaceConfig = field(default_factory=WorkspaceConfig)
+    velocity_scale: float = bounded(
+        1.0, "fraction of the URDF's joint velocities that may be used", '', 0.01, 1.0,
+        name='joints.velocity_scale')
+    acceleration: tuple[float, ...] = documented(
+        (10.0,), "largest acceleration: one for all joints, or one each in the URDF's order",
+        'rad/s^2', range=(0.1, 1e3), one_for_all=True, name='joints.acceleration')
+    lower: tuple[float, ...] = bounded(
+        (-10.0, -10.0, -10.0), 'corner of the box that the sensor stays in, in the base frame',
+        'm', -10.0, 10.0, name='workspace.lower')
+    upper: tuple[float, ...] = bounded(
+        (10.0, 10.0, 10.0), 'opposite corner', 'm', -10.0, 10.0, name='workspace.upper')
 
 
 def robot_of(config: NodeConfig) -> tuple[RobotModel, JointLimits, WorkspaceBox]:
@@ -63,11 +51,11 @@ def robot_of(config: NodeConfig) -> tuple[RobotModel, JointLimits, WorkspaceBox]
     if not config.robot_description:
         raise ConfigurationError(
             'robot_description: no URDF given; pass its text or the path of a file')
-    model, joints = RobotModel.from_urdf(config.robot_description, config.tip_frame), config.joints
+    model = RobotModel.from_urdf(config.robot_description, config.tip_frame)
     limits = JointLimits(
         tuple(model.joint_names), model.lower + POSITION_MARGIN,
-        model.upper - POSITION_MARGIN, model.velocity_limit * joints.velocity_scale,
-        _each(joints.acceleration, model.joint_names))
+        model.upper - POSITION_MARGIN, model.velocity_limit * config.velocity_scale,
+        _each(config.acceleration, model.joint_names))
     return model, limits, box_of(config)
 
 
@@ -82,4 +70,4 @@ def _each(values: tuple[float, ...], names: Sequence[str]) -> np.ndarray:
 
 def box_of(config: NodeConfig) -> WorkspaceBox:
     """Create the box of a configuration."""
-    return WorkspaceBox(np.array(config.workspace.lower), np.array(config.workspace.upper))
+    return WorkspaceBox(np.array(config.lower), np.array(config.upper))

@@ -93,7 +93,7 @@ class Supervisor:
     def see_wrench(self, force: np.ndarray, arrival: float) -> None:
         """Process a force (3,) at the wrist [N] with its steady arrival time [s]."""
         self.journal.add(Call.WRENCH, arrival, text=json.dumps(force.tolist()))
-        pressed = self.active or self.inputs.load >= self.config.approach.contact_force
+        pressed = self.active or self.inputs.load >= self.config.contact_force
         self.inputs.wrist.see(force, arrival, not pressed)
 
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
@@ -111,7 +111,7 @@ class Supervisor:
         """
         self.journal.add(Call.IMAGE, arrival, image.stamp_ns)
         self.inputs.see_image(image, arrival)
-        loaded = self.inputs.load >= self.config.approach.contact_force
+        loaded = self.inputs.load >= self.config.contact_force
         self.inputs.watch.see(image, loaded, self.inputs.pose[:3, 3])
         if self.active and self.law.sees_images:
             self._observe(image.stamp_ns, arrival, image=image)

@@ -233,7 +233,7 @@ class Watched:
         if window is None:
             return
         if not status.contact_fresh or not status.joints_fresh or status.normal_force > (
-                self.servo.config.force.max_load):
+                self.servo.config.max_load):
             assert status.state not in TRACKING
         # In a hold there is one to stay where the robot is, and those that lift the pad off.
         assert status.state != State.HOLD or not window.velocities.any() or (

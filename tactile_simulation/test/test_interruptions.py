@@ -7,7 +7,7 @@ from puma_loop import GOAL, LIMITS, puma_loop, ROOT, steady
 import pytest
 
 from tactile_sensing.types.contact import Reason as ContactReason
-from tactile_servo.config import ApproachConfig, HoldConfig, RetreatConfig, ServoConfig
+from tactile_servo.config import ServoConfig
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
@@ -257,7 +257,7 @@ def test_a_robot_that_falls_silent_as_it_lifts_off_in_a_hold_goes_on_lifting(it)
 
 def test_a_robot_that_was_not_heard_of_for_long_is_not_even_lifted_off_unasked():
     it = Interrupted('trace', State.TRACK, 0, replace(GOAL, retreat=True),
-                     config=ServoConfig(hold=HoldConfig(give_up=2.0)))
+                     config=ServoConfig(give_up=2.0))
     it.joints(1.0)
     there = it.loop.pose.copy()
     it.loop.run(None, 3.0)
@@ -305,7 +305,7 @@ def test_an_arm_that_was_moved_meanwhile_goes_on_from_there(way):
 def test_a_robot_that_answers_too_late_is_refused():
     scene = load_scene(ROOT / 'launch/scenes/straight.yaml')
     scene = replace(scene, plant=replace(scene.plant, dead_time=0.08))
-    loop = Simulation(scene, 'trace', config=ServoConfig(hold=HoldConfig(give_up=1.0)))
+    loop = Simulation(scene, 'trace', config=ServoConfig(give_up=1.0))
     loop.run(GOAL, 20.0)
     assert not loop.servo.success
     assert loop.servo.reason.code == ReasonCode.GAVE_UP
@@ -386,7 +386,7 @@ def test_no_state_lasts_for_ever(state, monkeypatch):
     monkeypatch.setattr('tactile_servo.phases.SLOWNESS', 0.2)
     monkeypatch.setattr('tactile_servo.phases.LONGEST_TRACK', 1.0)
     loop = puma_loop(tracker='resolved_rate', config=ServoConfig(
-        approach=ApproachConfig(distance=0.005), retreat=RetreatConfig(distance=0.003)))
+        approach_distance=0.005, retreat_distance=0.003))
     loop.run(EdgeGoal(0.03, 5.0, length=0.01 if state == State.RETREAT else 0.0), 9.0,
              lambda s: s.state == state)
     command = loop.servo.motion.command
@@ -520,7 +520,7 @@ def test_a_goal_that_ends_is_not_paused_any_more(it):
 
 
 def test_a_pause_may_last_longer_than_another_hold():
-    it = Interrupted('trace', State.TRACK, 0, config=ServoConfig(hold=HoldConfig(give_up=0.5)))
+    it = Interrupted('trace', State.TRACK, 0, config=ServoConfig(give_up=0.5))
     it.loop.servo.pause(True, it.loop.now)
     it.loop.run(None, 1.0)
     it.loop.servo.pause(False, it.loop.now)

@@ -10,7 +10,7 @@ from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.moments import Moments
-from tactile_servo.config import HoldConfig, MAX_STAMP_AGE, ServoConfig
+from tactile_servo.config import MAX_STAMP_AGE, ServoConfig
 from tactile_servo.control import stability
 from tactile_servo.control.stability import gain_limit
 from tactile_servo.law import Observation
@@ -105,7 +105,7 @@ def test_late_pictures_do_not_make_it_swing(scene, length, largest):
 
 
 def test_pictures_that_are_too_late_are_refused():
-    late = ServoConfig(hold=HoldConfig(give_up=0.2))
+    late = ServoConfig(give_up=0.2)
     loop, most = simulated(latency=0.12, config=late)
     assert not loop.servo.success
     assert loop.servo.reason == (ReasonCode.GAVE_UP, 'tactile image is stale')

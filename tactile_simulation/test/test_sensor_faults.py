@@ -8,7 +8,7 @@ from puma_loop import coarse_scene, summary_of, turned
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_servo.config import ApproachConfig, RetreatConfig, ServoConfig
+from tactile_servo.config import ServoConfig
 from tactile_servo.journal import Call, WITH_TEXT
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_servo.reasons import ReasonCode
@@ -173,7 +173,7 @@ def test_saturated_tactels_are_not_pressed_to_feel_more(law):
     """A pad for a twelfth of the load feels 8 N as 4.8 N at most."""
     _, summary = run('straight', EdgeGoal(0.05, 8.0, length=0.05), law=law, pa_per_count=50.0)
     assert summary['reason_code'] == 'self_test' and 'saturated' in summary['reason']
-    assert summary['force_max'] < ServoConfig().force.max_load
+    assert summary['force_max'] < ServoConfig().max_load
 
 
 @pytest.mark.parametrize('scene', ['step_down', 'gap', 'slip', *(
@@ -286,7 +286,7 @@ def test_a_sensor_without_noise_is_not_taken_for_dead_but_freezes_visibly():
 def test_an_approach_that_meets_nothing_goes_back_to_where_it_began():
     # However little a pad lifts off otherwise; the edge of this scene lies 4 mm away.
     simulation = Simulation(scene_of('straight'), config=ServoConfig(
-        approach=ApproachConfig(distance=0.003), retreat=RetreatConfig(distance=0.0005)))
+        approach_distance=0.003, retreat_distance=0.0005))
     begin = simulation.pose[2, 3]
     simulation.run(EdgeGoal(0.03, FORCE), 10.0)
     heights = np.array([cycle.pose[2, 3] for cycle in simulation.log])

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.shape.claims import in_the_loop
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
-from tactile_servo.config import ForceBounds, ServoConfig
+from tactile_servo.config import ServoConfig
 from tactile_servo.laws.surface_config import ProbeConfig, SurfaceConfig
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_servo.reasons import Refused
@@ -299,7 +299,7 @@ def test_a_goal_ends_after_its_duration():
 
 def test_a_hard_press_is_relieved():
     # From 15 N, as a hold and what follows it may leave the probe.
-    config = ServoConfig(force=ForceBounds(max_load=22.5))
+    config = ServoConfig(max_load=22.5)
     scene = scene_of(SPHERE, start=SurfaceStart())
     scene = replace(scene, sensor=replace(scene.sensor, pa_per_count=2000.0))  # not saturated
     simulation = Simulation(scene, config=config)

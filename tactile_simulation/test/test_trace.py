@@ -9,7 +9,7 @@ from puma_loop import puma_loop, ROOT, steady, summary_of, turned
 import pytest
 
 from tactile_sensing.types.image import Layer, TactileImage
-from tactile_servo.config import ForceBounds, HoldConfig, PRESS_DEPTH, ServoConfig
+from tactile_servo.config import PRESS_DEPTH, ServoConfig
 from tactile_servo.law import Observation
 from tactile_servo.laws.edge_following import EdgeFollowing
 from tactile_servo.laws.edge_motion import EdgeFollowingConfig
@@ -141,7 +141,7 @@ def test_saturated_tactels_slow_the_pad_down_beyond_the_end_too():
     """Such a pad moves less than it should: the end is where it has come, not where it should."""
     scene = load_scene(ROOT / 'launch/scenes/curve.yaml')
     loop = Simulation(replace(scene, start=replace(scene.start, s=0.1)), 'trace',
-                      config=ServoConfig(force=ForceBounds(max_load=15.0)))
+                      config=ServoConfig(max_load=15.0))
     loop.run(EdgeGoal(0.2, 10.0), 20.0)
     assert loop.servo.success, loop.servo.reason
 
@@ -241,7 +241,7 @@ def test_a_pad_that_touches_with_its_rim_presses_no_deeper_than_allowed():
 
 
 def test_lost_contact_is_probed_within_the_press_depth_and_given_up():
-    loop = tracking(config=ServoConfig(hold=HoldConfig(give_up=1.0)))
+    loop = tracking(config=ServoConfig(give_up=1.0))
     depth, known = loop.pose[2, 3], len(loop.log)
     changed(loop, np.zeros_like)
     loop.run(None, 6.0)

@@ -8,7 +8,7 @@ import numpy as np
 from puma_loop import ELBOW, free_controller, LIMITS, PUMA, puma_loop, ROOT, tracked
 import pytest
 
-from tactile_servo.config import HoldConfig, ServoConfig
+from tactile_servo.config import ServoConfig
 from tactile_servo.motion.motion import Motion, SETTLING
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal
@@ -166,7 +166,7 @@ def test_a_wrist_that_comes_to_its_limit_lets_the_pad_go_round_without_it():
 
 def late_loop(delay, begin=0.0, every=1):
     """Loop on a course whose windows, from a time on and one of so many, come late [s]."""
-    loop = puma_loop('course', 'trace', config=ServoConfig(hold=HoldConfig(give_up=0.5)))
+    loop = puma_loop('course', 'trace', config=ServoConfig(give_up=0.5))
 
     def see(_):
         late = loop.now >= begin and loop.tick % every == 0

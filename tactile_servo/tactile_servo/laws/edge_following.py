@@ -77,7 +77,7 @@ class EdgeFollowing(EdgeLaw):
 
     def _forget(self, goal: EdgeGoal, skin_stiffness: float, stiffness: float) -> None:
         self.goal, self.stiffness = goal, stiffness
-        self._contact_force = max(self.servo.approach.contact_force, KEPT * goal.force)
+        self._contact_force = max(self.servo.contact_force, KEPT * goal.force)
         self.sight = EdgeSight(goal, skin_stiffness, self._contact_force)
         self.press, self.error = self.sight.press, None
         self._motion = EdgeMotion(self.config, goal, self.sight, stiffness)
@@ -183,7 +183,7 @@ class EdgeFollowing(EdgeLaw):
 
     def _at_end(self, load: float) -> Assessment:
         """Decide at the end of the ridge: coast over a gap, go down a step, or end."""
-        touching = load >= self.servo.approach.contact_force
+        touching = load >= self.servo.contact_force
         scale, way = self.sight.edge.scale, self._coasting.way
         margin, unseen = END_MARGIN * scale.grain, self._motion.speed * self.sight.age
         # Coasting began one margin before the end, and the end is uncertain by one margin. After

@@ -243,7 +243,7 @@ class ResolvedRate(EdgeLaw):
             return done(*order, lift=True)
         lacking = self.lacks(now)
         if lacking is not None:
-            if load < self.servo.approach.contact_force:
+            if load < self.servo.contact_force:
                 lacking = Reason(ReasonCode.CONTACT_LOST, lacking.detail)
             return Assessment(State.HOLD, lacking)
         if load > OVERFORCE * goal.force:

@@ -161,7 +161,7 @@ class SurfaceFollowing(ServoLaw):
         return refuse_surface_goal(goal)
 
     def teach(self, name: str, image: TactileImage, array: TactelArray) -> str:
-        return self._lessons.take(name, image, array, self.servo.approach.contact_force)
+        return self._lessons.take(name, image, array, self.servo.contact_force)
 
     def begin(self, goal: SurfaceGoal, sensor: SensorInfo) -> None:
         radius = self.config.probe.skin_radius
