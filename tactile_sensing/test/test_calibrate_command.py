@@ -1,6 +1,8 @@
 """Command `calibrate`, on images by finite elements, which are independent of its model."""
+from contextlib import nullcontext
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -332,6 +334,23 @@ def test_mistakes_are_answered_in_one_line(there, capsys, options, words):
     text = capsys.readouterr().err
     assert text.startswith('calibrate: ') and text.count('\n') == 1 and words in text
     assert not (there / 'pad.yaml').exists()
+
+
+@pytest.mark.parametrize('options, full', [
+    (['--bits', '10'], 1023), (['--bits', '10', '--signed', 'yes'], 511),
+    (['--bits', '10', '--saturation', '900'], 900), (['--saturation', '900'], 900)])
+def test_a_live_press_is_at_full_scale_where_the_options_say(monkeypatch, options, full):
+    counts, seen = np.full(ARRAY.shape, full - 1), []
+    counts[3, 4] = full
+    monkeypatch.setattr(
+        calibrate, 'opened', lambda _: nullcontext(iter([SimpleNamespace(counts=counts)])))
+    monkeypatch.setattr(calibrate, 'Recorder', lambda folder, array, look, *_: SimpleNamespace(
+        run=lambda: seen.append(look()[1])))
+    given = calibrate.parser().parse_args([
+        *OPTIONS, '--live', 'none', '--port', 'none', '--shape', '16', '16', *options])
+    given.pitch = 2 * given.pitch
+    calibrate.record(given)
+    assert seen == [1]
 
 
 def test_a_force_that_is_no_number_is_refused(there, capsys):

@@ -24,7 +24,7 @@ from tactile_sensing.cli.options import (
     opened,
 )
 from tactile_sensing.devices.calibration import pitch_pair, RESOLUTION, save_calibration
-from tactile_sensing.devices.counts import MAX_BITS
+from tactile_sensing.devices.counts import Counts, MAX_BITS
 from tactile_sensing.devices.recording import read_whole
 from tactile_sensing.types.array import PITCH, TactelArray
 
@@ -113,7 +113,10 @@ def record(options: argparse.Namespace) -> None:
     """Make the recordings of the options from the sensor on a port."""
     if not options.port:
         raise ConfigurationError('--live needs --port, the serial port of the sensor')
-    full = 2 ** options.bits - 1 if options.bits else np.inf
+    full = options.saturation or np.inf
+    if options.bits:
+        full = Counts(
+            options.bits, options.signed == 'yes', saturation=options.saturation).saturation
     with opened(options) as sensor:
         def look() -> tuple[np.ndarray, int]:
             counts = next(sensor).counts
