@@ -18,7 +18,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.ros.conversions import stamp_to_ns
 from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.devices.flexitac import encode_payload, MARKER
+from tactile_sensing.devices.flexitac import FlexiTacDevice, MARKER
 from tactile_sensing.devices.image_converter import TARE_FRAMES
 from tactile_sensing.nodes.driver import DriverNode
 
@@ -41,7 +41,7 @@ class Device(Terminal):
 
     def send(self, counts):
         """Send one image and, like a free-running device, directly the next marker."""
-        self.write(encode_payload(counts) + MARKER)
+        self.write(FlexiTacDevice().encode(counts))
 
 
 class Graph(Bench):
@@ -164,7 +164,7 @@ def test_port_absent_at_the_start_lost_and_back(make_graph, device):
 
 
 def test_lost_bytes_cost_one_picture_and_show(graph):
-    graph.device.write(encode_payload(unloaded())[3:] + MARKER)
+    graph.device.write(FlexiTacDevice().encode(unloaded())[3:])
     for value in (1, 2, 3):
         graph.device.send(unloaded(value))
     graph.until(lambda: len(graph.images) == 3, 'the pictures behind the loss')
@@ -212,11 +212,11 @@ PROGRAM = 'import sys; from tactile_sensing.nodes.driver import main; sys.exit(m
 # Reads of the port do not return, like those of a device with a hanging kernel driver.
 HANGING = f"""
 import sys, threading
-from tactile_sensing.devices.serial_port import SensorPort
-def read(port):
+import serial
+def read(port, size):
     print('asleep', file=sys.stderr, flush=True)
     threading.Event().wait()
-SensorPort.read = read
+serial.Serial.read = read
 {PROGRAM}
 """
 CALIBRATION_FILE = Path(__file__).parents[1] / 'config' / 'flexitac_16x16.yaml'

@@ -11,7 +11,7 @@ from terminal import Terminal
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing import open_sensor
-from tactile_sensing.devices import serial_port, stream
+from tactile_sensing.devices import stream
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 
 pytestmark = pytest.mark.graph  # real time: must not run in parallel with other tests
@@ -185,7 +185,7 @@ def test_a_port_that_is_refused_says_why(tmp_path, monkeypatch, number, words):
     def refuse(*_, **__):
         raise OSError(number, 'no')
     (tmp_path / 'port').touch()
-    monkeypatch.setattr(serial_port.serial, 'Serial', refuse)
+    monkeypatch.setattr(stream.serial, 'Serial', refuse)
     with pytest.raises(OSError, match=words):
         open_sensor(str(tmp_path / 'port'))
 
@@ -205,13 +205,13 @@ class Usb:
 
 
 def test_a_port_by_what_it_is(monkeypatch):
-    monkeypatch.setattr(serial_port.list_ports, 'comports', lambda: [
+    monkeypatch.setattr(stream.list_ports, 'comports', lambda: [
         Usb('/dev/ttyS0', None, None, None), Usb('/dev/ttyUSB0', 0x0403, 0x6001, 'A1'),
         Usb('/dev/ttyUSB1', 0x0403, 0x6001, 'B2'), Usb('/dev/ttyACM0', 0x2341, 0x0043, 'C3')])
-    assert serial_port.device_path('/dev/ttyUSB7') == '/dev/ttyUSB7'
-    assert serial_port.device_path('usb:2341:0043') == '/dev/ttyACM0'
-    assert serial_port.device_path('usb:0403:6001:B2') == '/dev/ttyUSB1'
+    assert stream.device_path('/dev/ttyUSB7') == '/dev/ttyUSB7'
+    assert stream.device_path('usb:2341:0043') == '/dev/ttyACM0'
+    assert stream.device_path('usb:0403:6001:B2') == '/dev/ttyUSB1'
     with pytest.raises(OSError, match=r'there are: /dev/ttyUSB0 \(A1\), /dev/ttyUSB1 \(B2\)'):
-        serial_port.device_path('usb:0403:6001')
+        stream.device_path('usb:0403:6001')
     with pytest.raises(OSError, match='there are: none'):
-        serial_port.device_path('usb:0403:6001:Z9')
+        stream.device_path('usb:0403:6001:Z9')

@@ -1,29 +1,77 @@
 """Read frames with stamps from a serial port that may disappear and return; without a thread."""
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
+import errno
 import logging
+import os
+import re
+import termios
 import threading
 import time
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
+import serial
+from serial.tools import list_ports
 
 from tactile_common.errors import TactileError
 from tactile_sensing.devices.frame_clock import FrameClock, SensorImage
 from tactile_sensing.devices.registry import options_of, protocol_named
-from tactile_sensing.devices.serial_port import SensorPort
 
+REFUSALS = {
+    errno.EACCES: 'may not be opened: join its group (often dialout), then log in anew',
+    errno.EAGAIN: 'is in use by another program', errno.EBUSY: 'is in use by another program'}
+READ_TIMEOUT = 0.02  # longest wait for a byte: a reader notices its end after this time [s]
+MAX_READ = 1 << 16  # bytes of one read
 USUAL_RATE = 100.0  # image rate that a device is asked for if none is known [Hz]
 LAG_NS = 100_000_000  # frames older by this than the newest of a read are discarded [ns]
 BACK_OFF = 0.02, 0.5  # first and largest time between attempts to open the port [s]
 ASK_AGAIN = 2.0  # repeat the start command after this time without a frame: device restarted? [s]
 SILENCE = 1.0  # time without a byte or a frame after which this is reported [s]
 PATIENCE = 5.0  # longest wait for the first image [s]
+_USB = re.compile(r'usb:([0-9a-f]{4}):([0-9a-f]{4})(?::(.+))?', re.IGNORECASE)
 
 
 class SensorSilentError(TactileError):
     """The port is open but no image arrives; the message says why."""
+
+
+def device_path(port: str) -> str:
+    """
+    Return the path of a port, given as a path or as `usb:VENDOR:PRODUCT[:SERIAL NUMBER]`.
+
+    Vendor and product have four hexadecimal digits. Raises an OSError unless exactly one device
+    matches.
+    """
+    usb = _USB.fullmatch(port)
+    if not usb:
+        return port
+    vendor, product, number = int(usb[1], 16), int(usb[2], 16), usb[3]
+    found = [item for item in list_ports.comports() if (item.vid, item.pid) == (vendor, product)
+             and number in (None, item.serial_number)]
+    if len(found) != 1:
+        there = ', '.join(f'{item.device} ({item.serial_number})' for item in found) or 'none'
+        raise OSError(f'{port} must be one device, there are: {there}')
+    return found[0].device
+
+
+def open_port(port: str, baud: int) -> serial.Serial:
+    """Open a port, 8N1, for exclusive use; raise an OSError that says why it cannot be opened."""
+    path = device_path(port)
+    try:
+        line = serial.Serial(
+            path, baud, timeout=READ_TIMEOUT, write_timeout=1.0, exclusive=True)
+    except (OSError, termios.error, ValueError) as error:  # ValueError: impossible baud
+        why = REFUSALS.get(getattr(error, 'errno', 0), f'cannot be opened: {error}')
+        if not os.path.exists(path):
+            there = ', '.join(item.device for item in list_ports.comports()) or 'none'
+            why = f'is not there; serial ports there are: {there}'
+        raise OSError(f'{path} {why}') from error
+    # Otherwise USB adapters delay bytes by up to 16 ms. Not on pseudo-terminals, other systems.
+    with suppress(AttributeError, ValueError):
+        line.set_low_latency_mode(True)
+    return line
 
 
 class SensorStream(Iterator[SensorImage], AbstractContextManager['SensorStream']):
@@ -53,7 +101,10 @@ class SensorStream(Iterator[SensorImage], AbstractContextManager['SensorStream']
         self.skipped = 0  # frames that were discarded because newer ones had arrived
         self.last_byte_at = self.last_frame_at = self._asked_at = time.monotonic()
         self._back_off, self._news = BACK_OFF[0], False
-        self._line: SensorPort | None = None
+        self._line: serial.Serial | None = None
+        self._device = ''  # path of the open port without links
+        # The last time at which less than a frame was waiting: bytes read now arrived later.
+        self._caught_up_at = 0.0
         self._last = b''
         self._images: list[SensorImage] = []  # not yet returned by iteration, the oldest last
         self.closed = threading.Event()
@@ -79,7 +130,9 @@ class SensorStream(Iterator[SensorImage], AbstractContextManager['SensorStream']
 
     def connect(self) -> None:
         """Open the port and start the sensor; raise an OSError if that fails."""
-        self._line = SensorPort(self.port, self._baud, self._frame_size)
+        self._caught_up_at = time.monotonic()
+        self._line = open_port(self.port, self._baud)
+        self._device = os.path.realpath(self._line.port)
         try:
             self._line.write(self._start)
         except OSError:
@@ -97,7 +150,12 @@ class SensorStream(Iterator[SensorImage], AbstractContextManager['SensorStream']
             self._wait()
             return []
         try:
-            data, caught_up_at = self._line.read(), self._line.caught_up_at
+            waiting = self._line.in_waiting
+            if waiting < self._frame_size:
+                self._caught_up_at = time.monotonic()
+            data = self._line.read(min(waiting, MAX_READ) or 1)
+            if not data and os.path.realpath(self._line.port) != self._device:
+                raise OSError(f'{self._line.port} is another device now')
             now, now_ns = time.monotonic(), self._now_ns()
             if now - max(self.last_frame_at, self._asked_at) > ASK_AGAIN:
                 self._asked_at = now
@@ -109,7 +167,8 @@ class SensorStream(Iterator[SensorImage], AbstractContextManager['SensorStream']
         if not data:
             return []
         self.last_byte_at, self._last = now, (self._last + data)[-24:]
-        frames = self.frames.receive(data, now_ns, now_ns - round(1e9 * (now - caught_up_at)))
+        frames = self.frames.receive(
+            data, now_ns, now_ns - round(1e9 * (now - self._caught_up_at)))
         if not frames:
             return []
         self.last_frame_at = now
