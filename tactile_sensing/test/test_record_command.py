@@ -58,12 +58,12 @@ def test_a_recording_is_what_the_other_commands_read(port, tmp_path, capsys):
     assert '8 8' not in capsys.readouterr().err
 
 
-def test_a_drawing_shows_where_it_is_pressed():
+def test_a_drawing_shows_where_it_is_pressed(capsys):
     press = 100.0 * np.eye(3)
-    shown = []
     images = [SensorImage(k, k, np.rint(k * press + 7).astype(int)) for k in range(2)]
-    record.look(images[:1], shown.append)
-    assert '0 Hz' in shown[0] or 'counts 7 to 7' in shown[0]
+    record.look(images[:1])
+    shown = capsys.readouterr().out
+    assert '0 Hz' in shown or 'counts 7 to 7' in shown
     assert record.drawing(images[1].counts - images[0].counts) == '@@    \n  @@  \n    @@'
     assert set(record.drawing(np.ones((3, 3)))) == set('.\n')
 
@@ -92,7 +92,7 @@ def test_calibrate_asks_for_presses_of_a_port(port, tmp_path, monkeypatch, capsy
 
 @pytest.mark.parametrize('arguments, reason', [
     (['x.csv', '--port', '/dev/none', '--shape', '8', '8'], 'x.csv: must end in .npz'),
-    (['none/x.npz', '--port', '/dev/none', '--shape', '8', '8'], 'none does not exist'),
+    (['none/x.npz', '--port', '/dev/none', '--shape', '8', '8'], 'there is no such folder'),
     (['--port', '/dev/none', '--shape', '8', '8'], '/dev/none is not there; serial'),
     (['--port', '/dev/none'], '--shape'),
     (['--port', '/dev/none', '--shape', '8', '8', '--options', 'a=1'], "no option 'a'")])

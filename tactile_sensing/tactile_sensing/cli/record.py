@@ -1,14 +1,12 @@
 """Command `record`: show or record the raw counts of a sensor on a serial port."""
 import argparse
-from collections.abc import Callable, Iterable
-from pathlib import Path
+from collections.abc import Iterable
 import sys
 import time
-from typing import Any
 
 import numpy as np
 
-from tactile_common.command_line import between, Parser, run_command
+from tactile_common.command_line import between, file_to_write, Parser, run_command
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import MAX_WHOLE
 from tactile_sensing.cli.options import add_pitch, add_sensor, add_shape, opened
@@ -29,7 +27,8 @@ def parser() -> argparse.ArgumentParser:
         'until Ctrl-C: what changes since the start, dark for more.',
         epilog='Example:\n  ros2 run tactile_sensing record --port /dev/ttyACM0 --shape 8 8\n  '
         'ros2 run tactile_sensing record unloaded.npz --port /dev/ttyACM0 --shape 8 8 --seconds 2')
-    arguments.add_argument('file', nargs='?', metavar='FILE.npz', help='to write')
+    arguments.add_argument('file', nargs='?', metavar='FILE.npz', type=file_to_write('.npz'),
+                           help='to write')
     add_sensor(arguments, required=True)
     add_shape(arguments, required=True)
     add_pitch(arguments)
@@ -45,8 +44,7 @@ def drawing(change: np.ndarray) -> str:
     return '\n'.join(''.join(2 * SHADES[int(value)] for value in row) for row in np.rint(level))
 
 
-def look(images: Iterable[SensorImage],
-         show: Callable[[str], Any] = sys.stdout.write) -> None:
+def look(images: Iterable[SensorImage]) -> None:
     """Draw the change since the first image, until the images end."""
     first, at, drawn = None, 0.0, 0
     for count, image in enumerate(images):
@@ -54,8 +52,9 @@ def look(images: Iterable[SensorImage],
         now = time.monotonic()
         if now - at >= DRAW_PERIOD:
             rate, at, drawn = (count - drawn) / (now - at), now, count
-            show(f'{CLEAR}{drawing(image.counts - first)}\n{rate:.0f} Hz, counts '
-                 f'{image.counts.min()} to {image.counts.max()}; Ctrl-C ends\n')
+            sys.stdout.write(
+                f'{CLEAR}{drawing(image.counts - first)}\n{rate:.0f} Hz, counts '
+                f'{image.counts.min()} to {image.counts.max()}; Ctrl-C ends\n')
 
 
 def record(images: Iterable[SensorImage], seconds: float) -> dict[str, np.ndarray]:
@@ -80,10 +79,6 @@ def record(images: Iterable[SensorImage], seconds: float) -> dict[str, np.ndarra
 
 def run(options: argparse.Namespace) -> str:
     """Show or record; return the summary."""
-    if options.file and not options.file.endswith('.npz'):
-        raise ConfigurationError(f'{options.file}: must end in .npz')
-    if options.file and not (folder := Path(options.file).resolve().parent).is_dir():
-        raise ConfigurationError(f'{options.file}: folder {folder} does not exist')
     pitch_x, pitch_y = pitch_pair(options.pitch) if options.pitch else (0.0, 0.0)
     with opened(options) as sensor:
         if not options.file:
