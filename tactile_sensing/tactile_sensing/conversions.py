@@ -49,7 +49,7 @@ def image_from_msg(message: Any) -> TactileImage:
 
     Raises a TactileError if the geometry is impossible or a layer has a wrong size.
     """
-    geometry = _array_from_msg(message)
+    geometry = _array(message.rows, message.columns, message.pitch_x, message.pitch_y)
     return TactileImage(
         stamp_ns=stamp_to_ns(message.header.stamp), sequence=message.sequence,
         layers=tuple(_layer_from_msg(layer, geometry.shape) for layer in message.layers),
@@ -102,7 +102,8 @@ def sensor_info_from_msg(message: Any) -> SensorInfo:
     """
     return SensorInfo(
         stamp_ns=stamp_to_ns(message.header.stamp), frame_id=message.header.frame_id,
-        array=_array_from_msg(message), dead_tactels=tuple(message.dead_tactels),
+        array=_array(message.rows, message.columns, message.pitch_x, message.pitch_y),
+        dead_tactels=tuple(message.dead_tactels),
         layers=tuple(_layer_from_msg(layer, (0,)) for layer in message.layers),
         tared_at_ns=stamp_to_ns(message.tared_at),
         **{name: getattr(message, name) for name in (*_INFO_TEXTS, *_INFO_REALS)})
@@ -184,10 +185,6 @@ def _set_header_and_array(message: Any, source: TactileImage | SensorInfo) -> An
     message.rows, message.columns = geometry.rows, geometry.columns
     message.pitch_x, message.pitch_y = float(geometry.pitch_x), float(geometry.pitch_y)
     return message
-
-
-def _array_from_msg(message: Any) -> TactelArray:
-    return _array(message.rows, message.columns, message.pitch_x, message.pitch_y)
 
 
 def _layer_to_msg(layer: Layer, message: Any) -> Any:

@@ -4,13 +4,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from tactile_sensing.devices.flexitac import (
-    encode_payload,
-    FlexiTacDecoder,
-    FlexiTacDevice,
-    MARKER,
-    MOST_PERIODS,
-)
+from tactile_sensing.devices.flexitac import FlexiTacDecoder, FlexiTacDevice, MARKER, MOST_PERIODS
 
 ROWS, COLUMNS = 3, 4
 SIZE = ROWS * COLUMNS
@@ -23,7 +17,7 @@ def picture(value):
 
 
 def encode_frame(counts):
-    return MARKER + encode_payload(counts)
+    return MARKER + FlexiTacDevice().encode(counts)[:-len(MARKER)]
 
 
 PICTURES = [picture(k) for k in range(6)]
@@ -57,13 +51,12 @@ def test_frame_is_marker_and_row_major_payload():
     counts = np.arange(6, dtype=np.uint8).reshape(2, 3)
     assert encode_frame(counts) == b'\xaa\x55\x00\x01\x02\x03\x04\x05'
     assert FlexiTacDevice().encode(counts) == b'\x00\x01\x02\x03\x04\x05\xaa\x55'
-    assert encode_payload(counts[:, ::-1]) == b'\x02\x01\x00\x05\x04\x03'
+    assert encode_frame(counts[:, ::-1]) == MARKER + b'\x02\x01\x00\x05\x04\x03'
 
 
 def test_in_lock_a_frame_waits_for_the_next_marker_only():
     decoder, _ = decode([STREAM])
-    following = encode_payload(picture(50))
-    decoder.receive_data(following + MARKER[:1])
+    decoder.receive_data(FlexiTacDevice().encode(picture(50))[:-1])
     assert drain(decoder) == []
     decoder.receive_data(MARKER[1:])
     assert pictures_of(drain(decoder)) == as_lists([picture(50)])

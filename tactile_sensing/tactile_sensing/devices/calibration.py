@@ -306,8 +306,15 @@ def load_calibration(path: str | PathLike) -> Calibration:
                             [item.name for item in _FIELDS if item.name != 'gain'])
         array = TactelArray(values.pop('rows'), values.pop('columns'),
                             *pitch_pair(values.pop('pitch')))
-        dead = _indices(values.pop('dead_tactels', None) or [], array)
-        return Calibration(array, dead_tactels=dead, source=str(path), **values)
+        pairs, dead = values.pop('dead_tactels', None) or [], []
+        for pair in pairs if isinstance(pairs, list) else [pairs]:
+            if (not isinstance(pair, list) or [type(value) for value in pair] != [int, int]
+                    or not (0 <= pair[0] < array.rows and 0 <= pair[1] < array.columns)):
+                raise ConfigurationError(
+                    f'dead_tactels holds {pair!r}, must be pairs [row, column] below '
+                    f'[{array.rows}, {array.columns}]')
+            dead.append(pair[0] * array.columns + pair[1])
+        return Calibration(array, dead_tactels=tuple(dead), source=str(path), **values)
 
 
 def save_calibration(calibration: Calibration, path: str | PathLike) -> None:
@@ -319,8 +326,9 @@ def save_calibration(calibration: Calibration, path: str | PathLike) -> None:
         value, default = getattr(calibration, item.name), item.default
         if item.name not in ('gain', 'bits') and np.array_equal(value, default):  # type: ignore
             continue
-        if isinstance(value, np.ndarray):
-            value = _tidy(value)
+        if isinstance(value, np.ndarray):  # five digits; one number if all are equal
+            rows = [[float(f'{it:.5g}') for it in row] for row in value]
+            value = rows[0][0] if len({it for row in rows for it in row}) == 1 else rows
         elif item.name == 'dead_tactels':
             value = [list(divmod(index, array.columns)) for index in value]
         values[item.name] = list(value) if isinstance(value, tuple) else value
@@ -331,21 +339,3 @@ def save_calibration(calibration: Calibration, path: str | PathLike) -> None:
             yaml.safe_dump(values, stream, sort_keys=False, width=99, default_flow_style=None)
     except OSError as error:
         raise ConfigurationError(f'calibration {path}: {error.strerror}') from error
-
-
-def _tidy(values: np.ndarray) -> float | list[list[float]]:
-    """Return one number if all are equal, else rows of numbers; rounded to five digits."""
-    rows = [[float(f'{value:.5g}') for value in row] for row in values]
-    return rows[0][0] if len({value for row in rows for value in row}) == 1 else rows
-
-
-def _indices(pairs: Any, array: TactelArray) -> tuple[int, ...]:
-    indices = []
-    for pair in pairs if isinstance(pairs, list) else [pairs]:
-        if (not isinstance(pair, list) or [type(value) for value in pair] != [int, int]
-                or not (0 <= pair[0] < array.rows and 0 <= pair[1] < array.columns)):
-            raise ConfigurationError(
-                f'dead_tactels holds {pair!r}, must be pairs [row, column] below '
-                f'[{array.rows}, {array.columns}]')
-        indices.append(pair[0] * array.columns + pair[1])
-    return tuple(indices)

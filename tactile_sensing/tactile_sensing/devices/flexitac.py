@@ -25,13 +25,6 @@ MARKER = b'\xaa\x55'
 MOST_PERIODS = 12  # longest stretch of the stream that is searched for the start of a frame
 
 
-def encode_payload(counts: np.ndarray) -> bytes:
-    """Return the payload of one image; integers of one or two bytes are not converted."""
-    if counts.dtype.itemsize > 2:
-        counts = counts.astype(np.uint8)
-    return counts.astype(counts.dtype.newbyteorder('<')).tobytes()
-
-
 class FlexiTacDevice(Device):
     """A reading circuit: it sends the next frame's marker directly after a frame."""
 
@@ -39,7 +32,8 @@ class FlexiTacDevice(Device):
 
     def encode(self, counts: np.ndarray, time_ns: int = 0) -> bytes:
         """Return the bytes of a frame after its marker, and the next marker."""
-        return encode_payload(counts) + MARKER
+        kind = counts.dtype if counts.dtype.itemsize <= 2 else np.dtype(np.uint8)
+        return counts.astype(kind.newbyteorder('<')).tobytes() + MARKER
 
 
 class FlexiTacDecoder(Decoder):

@@ -79,8 +79,7 @@ def read_whole(path: str | PathLike, reader: Any) -> np.ndarray:
     """Return all frames of a reader; raise a ConfigurationError if they are too large."""
     refuse_above(MAX_WHOLE, math.prod(reader.shape) * reader.dtype.itemsize,
                  f'{path}: frames {reader.shape}')
-    parts = [np.array(part) for part in reader.chunks(CHUNK)]
-    return np.concatenate(parts) if parts else np.empty(reader.shape, reader.dtype)
+    return np.concatenate([np.array(part) for part in reader.chunks(CHUNK)])
 
 
 @dataclass(frozen=True, eq=False)

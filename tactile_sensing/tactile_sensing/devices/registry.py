@@ -55,22 +55,18 @@ def options_of(name: str, given: str | Mapping[str, Any]) -> dict[str, Any]:
     option is unknown or has a wrong type.
     """
     known, values = protocol_named(name).options, {}
+    words = {'true': True, 'yes': True, '1': True, 'false': False, 'no': False, '0': False}
     if isinstance(given, str):
         given = dict(item.partition('=')[::2] for item in given.replace(',', ' ').split())
     for key, value in given.items():
         if key not in known:
             there = ', '.join(known) or 'none'
             raise ConfigurationError(f'{name} has no option {key!r}, there are: {there}')
-        values[key] = _as(key, value, type(known[key]))
+        kind = type(known[key])
+        try:
+            of_text = kind is bool and isinstance(value, str)
+            values[key] = words[value.lower()] if of_text else kind(value)
+        except (KeyError, TypeError, ValueError):
+            raise ConfigurationError(
+                f'option {key} is {value!r}, must be of the type {kind.__name__}') from None
     return {**known, **values}
-
-
-def _as(key: str, value: Any, kind: type) -> Any:
-    words = {'true': True, 'yes': True, '1': True, 'false': False, 'no': False, '0': False}
-    try:
-        if kind is bool and isinstance(value, str):
-            return words[value.lower()]
-        return kind(value)
-    except (KeyError, TypeError, ValueError):
-        raise ConfigurationError(
-            f'option {key} is {value!r}, must be of the type {kind.__name__}') from None
