@@ -96,8 +96,9 @@ def test_every_converter_is_as_good_as_its_noise_allows(reference, name):
 
 
 @pytest.mark.parametrize('values, words', [
-    ({'bits': 0}, 'bits is 0, must be an integer from 1 to 16'), ({'bits': 17}, 'bits is 17'),
-    ({'signed': 1}, 'signed is 1, must be true or false'),
+    ({'bits': 0}, 'bits is 0, must be between 1 and 16'), ({'bits': 17}, 'bits is 17'),
+    ({'bits': 8.0}, 'bits is 8.0, must be an integer'),
+    ({'signed': 1}, 'signed is 1, must be a boolean'),
     ({'threshold': 0}, 'threshold is 0, must be an integer from 1 to 256'),
     ({'saturation': 300}, 'saturation is 300')])
 def test_impossible_ranges(values, words):

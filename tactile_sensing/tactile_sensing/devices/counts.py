@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
 
 MAX_BITS = 16
@@ -21,17 +22,13 @@ class Counts:
     Raises a ConfigurationError if a value is out of bounds.
     """
 
-    bits: int = 8
+    bits: int = bounded(8, low=1, high=MAX_BITS)
     signed: bool = False
     threshold: Any = None  # int: smallest count that is measured; None: lowest + 1
     saturation: Any = None  # int: smallest count that is at full scale; None: highest
 
     def __post_init__(self) -> None:
-        if type(self.bits) is not int or not 1 <= self.bits <= MAX_BITS:
-            raise ConfigurationError(
-                f'bits is {self.bits!r}, must be an integer from 1 to {MAX_BITS}')
-        if not isinstance(self.signed, bool):
-            raise ConfigurationError(f'signed is {self.signed!r}, must be true or false')
+        check_fields(self)
         full = self.highest + (self.bits == 1)  # with one bit, both counts are measurements
         for name, default in (('threshold', self.lowest + 1), ('saturation', full)):
             value = getattr(self, name)

@@ -163,7 +163,12 @@ class FrameClock:
         self._received += len(data)
         self._arrivals.append((self._received, now_ns))
         self.decoder.receive_data(data)
-        frames = [(frame, *self._times(frame)) for frame in iter(self.decoder.next_frame, None)]
+        frames = []
+        for frame in iter(self.decoder.next_frame, None):
+            # When its first and its last byte were read.
+            self._forget(frame.first_byte)
+            last_ns = next(at for end, at in self._arrivals if end >= frame.end)
+            frames.append((frame, self._arrivals[0][1], last_ns))
         self._forget(self._received - self.decoder.buffered)
         given = []
         behind = Counter(last_ns for *_, last_ns in frames)  # remaining frames of each read
@@ -182,25 +187,17 @@ class FrameClock:
                 self.jitter_ns += 0.02 * (now_ns - stamp_ns - self.jitter_ns)
                 given.append(SensorImage(stamp_ns, frame.sequence, frame.counts))
         if frames:
-            self._learn_period(now_ns, len(frames))
+            since_ns = now_ns - self._newest_ns
+            if self._newest_ns and since_ns > 0:
+                gain = 0.1 if self._period_ns else 1.0
+                most_ns = 2.0 * self._period_ns or NS  # limits the effect of a pause
+                self._period_ns += gain * (min(since_ns / len(frames), most_ns) - self._period_ns)
             self._newest_ns = now_ns
         return given
-
-    def _times(self, frame: Frame) -> tuple[int, int]:
-        """Return when the first and the last byte of a frame were read [ns]."""
-        self._forget(frame.first_byte)
-        return self._arrivals[0][1], next(at for end, at in self._arrivals if end >= frame.end)
 
     def _forget(self, position: int) -> None:
         while self._arrivals and self._arrivals[0][0] <= position:
             self._arrivals.popleft()
-
-    def _learn_period(self, now_ns: int, frames: int) -> None:
-        since_ns = now_ns - self._newest_ns
-        if self._newest_ns and since_ns > 0:
-            gain = 0.1 if self._period_ns else 1.0
-            most_ns = 2.0 * self._period_ns or NS  # limits the effect of a pause
-            self._period_ns += gain * (min(since_ns / frames, most_ns) - self._period_ns)
 
     def _stall_ns(self) -> float:
         period_ns = self._nominal_ns or self._period_ns

@@ -10,7 +10,6 @@ from tactile_sensing.devices.tare import Tare, TareRefusedError
 from tactile_sensing.types.image import TactileImage
 
 TARE_FRAMES = 50  # averaged by a tare: a seventh of the noise of a frame
-STALE = 1.0  # older frames do not show the present pad, and make no tare [s]
 
 
 class ImageConverter:
@@ -71,7 +70,7 @@ class ImageConverter:
             if len(frames) < TARE_FRAMES:
                 raise TareRefusedError(
                     f'no frames: {len(frames)} of {TARE_FRAMES} have arrived')
-            if age > STALE:
+            if age > 1.0:  # they do not show the present pad
                 raise TareRefusedError('no frames: the last one is older than a second')
             tare = self.calibration.make_tare(frames, None if anew else self.tare)
         except TareRefusedError as error:

@@ -59,11 +59,11 @@ class FrameReader:
                 f'{path}: a row of {there[1]} numbers is a frame: --shape R C says of how many '
                 'rows and columns')
         if len(self.shape) not in (3, 4) or 0 in there:
-            flat = ('; a single frame is (1, rows, columns); of flat frames, (N, rows*columns), '
-                    '--shape R C says rows and columns')
             raise ConfigurationError(
                 f'{path}: frames has shape {there}, must be (N, rows, columns) or (N, layers, '
-                'rows, columns), none of them 0' + flat * (len(there) == 2))
+                'rows, columns), none of them 0' + (len(there) == 2) * (
+                    '; a single frame is (1, rows, columns); of flat frames, (N, rows*columns), '
+                    '--shape R C says rows and columns'))
         if self.dtype.kind not in 'uif':
             raise ConfigurationError(
                 f'{path}: frames is of type {self.dtype}, must be of real numbers')

@@ -33,10 +33,6 @@ PATIENCE = 5.0  # longest wait for the first image [s]
 _USB = re.compile(r'usb:([0-9a-f]{4}):([0-9a-f]{4})(?::(.+))?', re.IGNORECASE)
 
 
-class SensorSilentError(TactileError):
-    """The port is open but no image arrives; the message says why."""
-
-
 def device_path(port: str) -> str:
     """
     Return the path of a port, given as a path or as `usb:VENDOR:PRODUCT[:SERIAL NUMBER]`.
@@ -119,7 +115,7 @@ class SensorStream(Iterator[SensorImage], AbstractContextManager['SensorStream']
                 raise StopIteration
             self._images = self.read()[::-1]
             if not self.decoder.frames and time.monotonic() - begin > PATIENCE:
-                raise SensorSilentError(self.trouble() or 'no image')
+                raise TactileError(self.trouble() or 'no image')
         return self._images.pop()
 
     def forget(self) -> None:
