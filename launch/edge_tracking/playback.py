@@ -100,7 +100,7 @@ def record_frames(counts: np.ndarray, rate: float, calibration: Calibration, bag
     writer = BagWriter(bag, topics(NAMESPACE))
     writer.write('sensor_info', begin, packed(sensor_info_to_msg(
         calibration.sensor_info(SENSOR, FRAME, begin, None, 0))))
-    with Progress(len(counts), 1.0) as progress:
+    with Progress(len(counts)) as progress:
         for number, frame in enumerate(counts):
             taken = begin + round(NS * number / rate)
             image = pad.image(frame, taken, number)

@@ -9,6 +9,8 @@ from typing import TextIO
 
 from tqdm import tqdm
 
+QUIET = 1.0  # s before a progress bar appears
+
 
 class Progress(tqdm):
     """
@@ -19,7 +21,7 @@ class Progress(tqdm):
 
     monitor_interval = 0  # no monitor thread
 
-    def __init__(self, total: float, delay: float = 0.0, stream: TextIO | None = None):
+    def __init__(self, total: float, delay: float = QUIET, stream: TextIO | None = None):
         super().__init__(
             total=total, file=stream or sys.stderr, disable=None, delay=delay, miniters=0,
             dynamic_ncols=True,
@@ -43,12 +45,12 @@ def live_progress(total: float) -> Iterator[Progress]:
     On a terminal the log lines are written above the bar, so that they do not break it.
     """
     if not sys.stderr.isatty():
-        with Progress(total) as progress:
+        with Progress(total, 0.0) as progress:
             yield progress
         return
     sys.stderr.flush()
     reading, writing = os.pipe()
-    with os.fdopen(os.dup(2), 'w') as terminal, Progress(total, stream=terminal) as progress:
+    with os.fdopen(os.dup(2), 'w') as terminal, Progress(total, 0.0, terminal) as progress:
         def relay() -> None:
             with os.fdopen(reading, errors='replace') as lines:
                 for line in lines:

@@ -28,7 +28,7 @@ def test_a_log_gets_nothing_nor_does_a_terminal_of_what_is_short():
 
 def test_a_terminal_gets_one_line():
     terminal = Terminal()
-    with Progress(2.0, stream=terminal) as bar:
+    with Progress(2.0, 0.0, terminal) as bar:
         bar.show(1.0, 'fit')
         bar.show(math.nan, 'hold')  # moves nothing
     assert terminal.getvalue().count('\n') == 1 and terminal.getvalue().endswith('\n')

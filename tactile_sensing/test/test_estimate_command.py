@@ -40,7 +40,6 @@ def edges(count, seed=1, depth=DEPTH):
 @pytest.fixture
 def there(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(estimate, 'QUIET', 1e9)  # no progress on a slow machine
     return tmp_path
 
 

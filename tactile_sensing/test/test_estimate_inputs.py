@@ -38,10 +38,8 @@ def there(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def run(capsys, monkeypatch):
+def run(capsys):
     """Run the command; return its records, or the line of its error."""
-    monkeypatch.setattr(estimate, 'QUIET', 1e9)
-
     def run(*args):
         status = estimate.main([*args, '-o', 'out.npz'])
         out, err = capsys.readouterr()

@@ -28,7 +28,7 @@ from edge_tracking.replay.servo_core import ServoCore
 from tactile_common.command_line import version_of_all
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.kernels import PACKAGES
-from tactile_common.progress import Progress
+from tactile_common.progress import Progress, QUIET
 from tactile_common.ros.bag_reader import Bag, Recorded
 from tactile_common.ros.cdr import packed
 from tactile_common.ros.conversions import NS, stamp_to_ns
@@ -46,7 +46,6 @@ from tactile_servo.conversions import joint_positions
 from tactile_shape.local_surface.local_quadric import LocalQuadricConfig
 from tactile_shape.nodes.shape_estimator import ShapeEstimatorConfig, ShapeTopics
 
-QUIET = 1.0  # s without a progress bar
 MOST_FAULTS = 10  # faults that are printed
 RESULT = 'result.json'  # written to the output folder at the end
 # Topics that the replay computes, by the core that computes them.

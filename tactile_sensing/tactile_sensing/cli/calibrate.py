@@ -209,7 +209,7 @@ def run(options: argparse.Namespace) -> bool:
     same = {item.name for item in fields(Known)} - {'signed', 'force'}
     known = Known(signed=options.signed and options.signed == 'yes', force=force,
                   **{name: getattr(options, name) for name in same})
-    with Progress(STEPS, 1.0) as progress:
+    with Progress(STEPS) as progress:
         done = iter(range(1, STEPS + 1))
         outcome = calibrate(recordings, known, lambda text: progress.show(
             next(done, STEPS), 'calibrate', text))

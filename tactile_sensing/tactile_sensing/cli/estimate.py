@@ -43,7 +43,6 @@ from tactile_sensing.types.image import COMPONENTS, Layer
 
 CHUNK_BYTES = 1 << 20
 Estimates = tuple[np.ndarray, Iterator[np.ndarray]]  # zeros to fill; the records, in chunks
-QUIET = 1.0  # time before the progress bar appears [s]
 MANY = 0.5  # a larger share of unexplained loads may be due to wrong options
 REFUSALS = [reason for reason in Reason if not reason & INFORMATION]
 DESCRIPTION = """\
@@ -294,7 +293,7 @@ def run(options: argparse.Namespace) -> str:
     if options.out.exists() and os.path.samefile(options.frames, options.out):
         raise ConfigurationError(f'{options.out}: is the input as well')
     total, done, begin = len(rows), 0, time.perf_counter()
-    with Progress(total, QUIET) as progress:
+    with Progress(total) as progress:
         for records in chunks:
             rows[done:done + len(records)] = records
             done += len(records)

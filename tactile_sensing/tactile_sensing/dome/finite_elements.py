@@ -26,7 +26,6 @@ from tactile_sensing.dome.geometry import contact_frame, Dome
 from tactile_sensing.types.array import TactelArray
 
 GAUSS = 0.5 / np.sqrt(3.0)  # distance of sample points from a tactel's centre [tactel sides]
-QUIET = 2.0  # time before the progress bar appears [s]
 BESIDE = 1e-9  # relative change of a radius to get to one side of the border of two layers
 
 
@@ -74,7 +73,7 @@ def operator_for(dome: Dome, skin: SkinConfig, array: TactelArray,
             return Operator(**{name: stored[name] for name in Operator._fields})
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         pass
-    with Progress(1.0, delay=QUIET) as bar:
+    with Progress(1.0) as bar:
         operator = solve(
             dome, skin, array, lambda share, step: bar.show(share, 'skin', step))
     with suppress(OSError):

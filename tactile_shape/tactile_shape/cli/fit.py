@@ -23,7 +23,6 @@ from tactile_shape.mesh import save_mesh
 from tactile_shape.shape_estimator import ESTIMATORS, ShapeEstimator
 from tactile_shape.types.patch import Kind
 
-QUIET = 1.0  # time before the progress bar appears [s]
 MANY = 0.9  # share of patches with both curvatures negative that gives a hint
 # Parts of a reason that differ from contact to contact.
 _NUMBERS = re.compile(
@@ -160,7 +159,7 @@ def _fit(recording: ContactRecording,
     count, reasons = len(recording), Counter[str]()
     records = np.zeros(count, [(name, kind) for name, (kind, _) in COLUMNS.items()])
     records['t'] = recording.t
-    with Progress(count, QUIET) as progress:
+    with Progress(count) as progress:
         for k, (position, normal, edge) in enumerate(zip(
                 recording.position, recording.normal, recording.edge, strict=True)):
             lost = bool(np.isnan(position).any())
