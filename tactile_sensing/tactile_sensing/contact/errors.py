@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tactile_common.kernels import FAST, njit
-from tactile_sensing.contact.normal_equations import add_normal, factor_of
+from tactile_sensing.contact.normal_equations import factor_of, normal_equations
 from tactile_sensing.contact.records import Beliefs, Fit
 
 NU = 4.0  # degrees of freedom of the errors
@@ -112,36 +112,23 @@ def marginal_scatter(fit: Fit, noise2: np.ndarray, prior: np.ndarray, beliefs: B
     and its two neighbours. If `whole`, the parameters are integrated out at each g; otherwise
     they are taken as known.
     """
-    n = fit.rows.shape[0]
     lit = fit.square > LIT * noise2
-    dark = fit.kept & ~lit
+    dark, some = fit.kept & ~lit, np.flatnonzero(lit & fit.kept)
     constant = log_likelihood(fit.error, noise2, dark, np.full(noise2.size, np.inf))
-    some = np.flatnonzero(lit & fit.kept)
-    few, base, matrix = np.empty((n, some.size)), np.zeros((n, n)), np.zeros((n, n))
-    error, variance = fit.error[some], np.empty(some.size)
-    weight, every = np.empty(some.size), np.ones(some.size, np.bool_)
-    right, factor, dead = np.zeros(n), np.zeros((n, n)), np.empty(some.size)
+    few, error, every = fit.rows[:, some], fit.error[some], np.ones(some.size, np.bool_)
+    weight, dead, base = np.empty(some.size), np.empty(some.size), np.diag(prior)
     for t in range(some.size):
         dead[t] = cost_of_dead(fit.model[some[t]] + error[t], noise2[some[t]])
     if whole:
         weigh(fit.error, noise2, dark, True, fit.weight)
-        add_normal(fit.rows, fit.weight, fit.error, base, right)
-        for i in range(n):
-            base[i, i] += prior[i]
-            for t in range(some.size):
-                few[i, t] = fit.rows[i, some[t]]
+        base += normal_equations(fit.rows, fit.weight, fit.error)[0]
     logs = np.full(GRID.size, -np.inf)
     for k in range(GRID.size):
         g, determinant = GRID[k], 0.0
-        for t in range(some.size):
-            variance[t] = noise2[some[t]] + g * g * fit.square[some[t]]
+        variance = noise2[some] + g * g * fit.square[some]
         if whole:
             weigh(error, variance, every, True, weight)
-            for i in range(n):
-                for j in range(i + 1):
-                    matrix[i, j] = base[i, j]
-            add_normal(few, weight, error, matrix, right)
-            determinant = factor_of(matrix, factor)
+            determinant = factor_of(base + normal_equations(few, weight, error)[0])[1]
         if determinant == determinant:
             logs[k] = (constant + log_likelihood(error, variance, every, dead)
                        - 0.5 * determinant

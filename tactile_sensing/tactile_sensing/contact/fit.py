@@ -26,7 +26,7 @@ from tactile_sensing.contact.errors import (
     spread_of,
     weigh,
 )
-from tactile_sensing.contact.normal_equations import add_normal, solve
+from tactile_sensing.contact.normal_equations import inverse_of, normal_equations
 from tactile_sensing.contact.records import Beliefs, Fit, Readings
 from tactile_sensing.skin.bumps import (
     add_rows,
@@ -79,23 +79,24 @@ def _model(fit: Fit, pad: Pad, beliefs: Beliefs, theta: np.ndarray, coarse: bool
 
 
 @njit(error_model='numpy')
-def _prior(beliefs: Beliefs, force: float, drift: float, prior: np.ndarray) -> None:
-    """Write the prior information of the active parameters; shear and taper scale with `force`."""
+def _prior(beliefs: Beliefs, force: float, drift: float) -> np.ndarray:
+    """Return the prior information of the active parameters; shear, taper scale with `force`."""
+    prior = beliefs.information[beliefs.active]
     for i in range(beliefs.active.size):
         p = beliefs.active[i]
-        prior[i] = beliefs.information[p]
         if beliefs.kind == LINE and p == TAPER:
             prior[i] = (TAPER_SPREAD * force) ** -2.0
         elif p == SHEAR_U or p == SHEAR_V:
             prior[i] = (beliefs.shear * force) ** -2.0
         elif p >= BASE:
             prior[i] = drift ** -2.0
+    return prior
 
 
 @njit(error_model='numpy', inline='always')
 def _begin(fit: Fit, pad: Pad, readings: Readings, beliefs: Beliefs) -> _Scale:
     """Set forces and baselines at the start by least squares; peak 0 if that fails."""
-    theta, n, tactels = fit.theta, beliefs.active.size, readings.value.size
+    theta, tactels = fit.theta, readings.value.size
     peak, noise = 1e-300, 0.0
     for t in range(tactels):
         noise += math.sqrt(readings.noise2[t]) / tactels
@@ -110,17 +111,13 @@ def _begin(fit: Fit, pad: Pad, readings: Readings, beliefs: Beliefs) -> _Scale:
     for t in range(tactels):
         fit.weight[t] = np.isfinite(readings.value[t]) / (
             readings.noise2[t] + (0.3 * peak) ** 2 * beliefs.robust)
-    prior, first = np.zeros(n), np.searchsorted(beliefs.active, FORCE)
-    _prior(beliefs, force, drift, prior)
-    matrix, right = np.zeros((n - first, n - first)), np.zeros(n - first)
-    inverse, solution = np.zeros((n - first, n - first)), np.zeros(n - first)
-    add_normal(fit.rows[first:], fit.weight, fit.error, matrix, right)
-    for i in range(n - first):
-        matrix[i, i] += prior[first + i] + 1e-9 * matrix[i, i]
-    if np.isnan(solve(matrix, right, inverse, solution)):
+    first = np.searchsorted(beliefs.active, FORCE)
+    matrix, right = normal_equations(fit.rows[first:], fit.weight, fit.error)
+    matrix += np.diag(_prior(beliefs, force, drift)[first:] + 1e-9 * np.diag(matrix))
+    inverse, determinant = inverse_of(matrix)
+    if np.isnan(determinant):
         return _Scale(0.0, force, drift)
-    for i in range(n - first):
-        theta[beliefs.active[first + i]] = solution[i]
+    theta[beliefs.active[first:]] = inverse @ right
     theta[FORCE] = max(theta[FORCE], 1e-3 * force)
     return _Scale(peak, force, drift)
 
@@ -175,17 +172,14 @@ def _step(theta: np.ndarray, step: np.ndarray, inverse: np.ndarray, beliefs: Bel
 
 
 @njit(error_model='numpy')
-def _pin(theta: np.ndarray, beliefs: Beliefs, matrix: np.ndarray, right: np.ndarray) -> int:
-    """Keep parameters at a bound that the gradient `right` points beyond; return their number."""
-    count = 0
+def _pin(theta: np.ndarray, beliefs: Beliefs, matrix: np.ndarray, right: np.ndarray) -> None:
+    """Keep parameters at a bound that the gradient `right` points beyond."""
     for i in range(right.size):
         p = beliefs.active[i]
         if theta[p] >= beliefs.high[p] and right[i] > 0.0 or (
                 theta[p] <= beliefs.low[p] and right[i] < 0.0):
             matrix[i, i] *= PINNED
             right[i] = 0.0
-            count += 1
-    return count
 
 
 @njit(error_model='numpy')
@@ -220,8 +214,7 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
     annealed = ANNEALED * (robust and start[FORCE] == 0.0)
     rows, columns = pad.y.size, pad.x.size
     fit = unfitted(start, readings.noise2, n)
-    theta, matrix, right = fit.theta, np.zeros((n, n)), np.zeros(n)
-    prior, step = np.zeros(n), np.zeros(n)
+    theta = fit.theta
     scale = _begin(fit, pad, readings, beliefs)
     if scale.peak == 0.0:
         return fit
@@ -239,33 +232,27 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
         _compare(fit, rows * columns, readings)
         if done or g > 0.0:
             spread_of(fit.model, rows, columns, fit.square)
-        _prior(beliefs, max(abs(theta[FORCE]), 1e-3 * scale.force), scale.drift, prior)
+        prior = _prior(beliefs, max(abs(theta[FORCE]), 1e-3 * scale.force), scale.drift)
         if done or (robust and heat == 0.0 and iteration % 2 == 0):
             scatter, marginal = marginal_scatter(
                 fit, readings.noise2 + heat, prior, beliefs, done)
             g = scatter if robust else g
         _weigh_all(fit, readings, heat, g, robust)
-        matrix[:] = 0.0
-        right[:] = 0.0
-        add_normal(fit.rows, fit.weight, fit.error, matrix, right)
-        penalty = volume = 0.0
-        for i in range(n):
-            off = theta[beliefs.active[i]] - beliefs.mean[beliefs.active[i]]
-            matrix[i, i] += prior[i]
-            right[i] -= prior[i] * off
-            penalty += prior[i] * off * off
-            if prior[i] > 0.0:
-                volume += 0.5 * math.log(prior[i])
-        pinned = _pin(theta, beliefs, matrix, right)
-        determinant = solve(matrix, right, fit.inverse, step) - pinned * math.log(PINNED)
+        matrix, right = normal_equations(fit.rows, fit.weight, fit.error)
+        off = theta[beliefs.active] - beliefs.mean[beliefs.active]
+        matrix += np.diag(prior)
+        right -= prior * off
+        _pin(theta, beliefs, matrix, right)
+        fit.inverse[:], determinant = inverse_of(matrix)
         if not np.isfinite(determinant):
             return fit
         if done:
-            evidence = (marginal - 0.5 * penalty + volume - beliefs.volume
+            volume = 0.5 * np.log(prior[prior > 0.0]).sum()
+            evidence = (marginal - 0.5 * (prior * off * off).sum() + volume - beliefs.volume
                         - math.log(scale.force))
             works = evidence == evidence and theta[FORCE] > 0.0
             return Fit(theta, fit.inverse, fit.by, fit.rows, fit.model, fit.square, fit.error,
                        fit.weight, fit.variance, fit.kept, evidence if works else -np.inf,
                        scatter, iteration + 1)
-        moved, was_coarse = _step(theta, step, fit.inverse, beliefs), coarse
+        moved, was_coarse = _step(theta, fit.inverse @ right, fit.inverse, beliefs), coarse
     return fit

@@ -8,16 +8,16 @@ from tactile_common.kernels import FAST, njit
 
 
 @njit(error_model='numpy')
-def factor_of(matrix: np.ndarray, factor: np.ndarray) -> float:
+def factor_of(matrix: np.ndarray) -> tuple[np.ndarray, float]:
     """
-    Write the Cholesky factor of a positive definite matrix; return its log determinant, or NaN.
+    Return the Cholesky factor of a positive definite matrix, and its log determinant or NaN.
 
     The matrix is first scaled to a unit diagonal, because m, rad and N differ by orders.
     """
-    total = 0.0
+    factor, total = np.zeros_like(matrix), 0.0
     for i in range(matrix.shape[0]):
         if not matrix[i, i] > 0.0:
-            return np.nan
+            return factor, np.nan
         for j in range(i + 1):
             value = matrix[i, j] / math.sqrt(matrix[i, i] * matrix[j, j])
             for k in range(j):
@@ -27,39 +27,24 @@ def factor_of(matrix: np.ndarray, factor: np.ndarray) -> float:
             elif value > 1e-13:
                 factor[i, i] = math.sqrt(value)
             else:
-                return np.nan
+                return factor, np.nan
         total += math.log(factor[i, i] * factor[i, i] * matrix[i, i])
-    return total
+    return factor, total
 
 
 @njit(error_model='numpy')
-def solve(matrix: np.ndarray, right: np.ndarray, inverse: np.ndarray,
-          solution: np.ndarray) -> float:
-    """Write inverse and solution of a positive definite system; return its log determinant."""
-    n = right.size
-    factor = np.zeros((n, n))
-    total = factor_of(matrix, factor)
-    if np.isnan(total):
-        return np.nan
-    column = np.zeros(n)
-    for c in range(n):
-        column[:] = 0.0
-        column[c] = 1.0
-        for i in range(c, n):
+def inverse_of(matrix: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the inverse of a positive definite matrix, and its log determinant or NaN."""
+    factor, total = factor_of(matrix)
+    half = np.zeros_like(matrix)  # inverse of the factor of the unscaled matrix
+    for c in range(0 if np.isnan(total) else matrix.shape[0]):
+        half[c, c] = 1.0 / factor[c, c]
+        for i in range(c + 1, matrix.shape[0]):
             for k in range(c, i):
-                column[i] -= factor[i, k] * column[k]
-            column[i] /= factor[i, i]
-        for i in range(n - 1, -1, -1):
-            for k in range(i + 1, n):
-                column[i] -= factor[k, i] * column[k]
-            column[i] /= factor[i, i]
-        for i in range(n):
-            inverse[i, c] = column[i] / math.sqrt(matrix[i, i] * matrix[c, c])
-    for i in range(n):
-        solution[i] = 0.0
-        for k in range(n):
-            solution[i] += inverse[i, k] * right[k]
-    return total
+                half[i, c] -= factor[i, k] * half[k, c]
+            half[i, c] /= factor[i, i]
+        half[:, c] /= math.sqrt(matrix[c, c])
+    return half.T @ half, total
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -71,13 +56,15 @@ def _dot(one: np.ndarray, other: np.ndarray) -> float:
 
 
 @njit(error_model='numpy')
-def add_normal(rows: np.ndarray, weight: np.ndarray, error: np.ndarray, matrix: np.ndarray,
-               right: np.ndarray) -> None:
-    """Add J'WJ (lower triangle only) and J'We, where J' is `rows` (n, tactels)."""
-    weighted = np.empty(weight.size)
-    for i in range(rows.shape[0]):
+def normal_equations(rows: np.ndarray, weight: np.ndarray,
+                     error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return J'WJ (lower triangle only) and J'We, where J' is `rows` (n, tactels)."""
+    n, weighted = rows.shape[0], np.empty(weight.size)
+    matrix, right = np.zeros((n, n)), np.empty(n)
+    for i in range(n):
         for t in range(weight.size):
             weighted[t] = rows[i, t] * weight[t]
-        right[i] += _dot(weighted, error)
+        right[i] = _dot(weighted, error)
         for j in range(i + 1):
-            matrix[i, j] += _dot(weighted, rows[j])
+            matrix[i, j] = _dot(weighted, rows[j])
+    return matrix, right
