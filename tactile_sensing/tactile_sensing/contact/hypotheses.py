@@ -143,8 +143,10 @@ def _cold_start(pad: Pad, kind: int, power: bool, guess: Guess) -> np.ndarray:
         theta[Q0], theta[Q1] = u - math.sqrt(3.0) * size, yaw
         theta[BEGIN], theta[SHARE], width = v - math.sqrt(3.0) * other, 0.5, pad.pitch
     else:
-        theta[Q0] = guess.x * math.cos(guess.across) + guess.y * math.sin(guess.across)
-        theta[Q1] = guess.across
+        cos, sin = math.cos(guess.across), math.sin(guess.across)
+        theta[Q0], theta[Q1] = guess.x * cos + guess.y * sin, guess.across
+        middle = guess.y * cos - guess.x * sin
+        theta[BEGIN], theta[END] = middle - 1.6 * guess.length, middle + 1.6 * guess.length
     if power:
         theta[WIDTH], theta[EXPONENT] = math.log(width), math.log(HALF_SPACE)
     return theta
@@ -242,13 +244,6 @@ def _unexplained(one: Hypothesis, rival: int) -> bool:
     return wrong or scattered and not (one.beliefs.kind == POINT and rival == LINE)
 
 
-@njit(error_model='numpy')
-def _add_ends(theta: np.ndarray, guess: Guess) -> None:
-    """Write the ends of a line of a first guess."""
-    middle = guess.y * math.cos(guess.across) - guess.x * math.sin(guess.across)
-    theta[BEGIN], theta[END] = middle - 1.6 * guess.length, middle + 1.6 * guess.length
-
-
 @njit(error_model='numpy', inline='always')
 def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, kinds: np.ndarray,
                    power: bool, shape: int, best: Hypothesis) -> Hypothesis:
@@ -275,9 +270,7 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
             if kind > LINE and not pad.depths[0] > 0.0 and refusal(pad, readings, best):
                 break
         theta = _cold_start(pad, kind, power, guess)
-        if ends:
-            _add_ends(theta, guess)
-        elif patch:
+        if patch:
             kind, theta = best.beliefs.kind, best.fit.theta.copy()
             theta[WIDTH] = FIRST_PATCH
         one = _fitted(pad, readings, scatter, kind, ROBUST + BASELINE + POWER * power
