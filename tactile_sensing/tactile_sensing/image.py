@@ -27,6 +27,23 @@ def moments_of(pressure: Any, x: Any, y: Any, threshold: float) -> tuple:
     return m0, mx, my, mxx, myy, mxy
 
 
+@njit(error_model='numpy')
+def without_spikes(values: np.ndarray) -> np.ndarray:
+    """Limit positive values (rows, columns) to their highest neighbour; others and NaN are 0."""
+    rows, columns = values.shape
+    limited = np.zeros((rows, columns))
+    for r in range(rows):
+        for c in range(columns):
+            if values[r, c] > 0.0:  # false for NaN
+                around = 0.0
+                for i in range(max(r - 1, 0), min(r + 2, rows)):
+                    for j in range(max(c - 1, 0), min(c + 2, columns)):
+                        if (i != r or j != c) and values[i, j] > around:
+                            around = values[i, j]
+                limited[r, c] = min(values[r, c], around)
+    return limited
+
+
 def image_moments(
         pressure: np.ndarray, array: TactelArray, *, threshold: float = 0.0) -> Moments:
     """

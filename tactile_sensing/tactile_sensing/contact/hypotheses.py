@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_common.kernels import FAST, njit
+from tactile_common.kernels import njit
 from tactile_sensing.contact.beliefs import (
     APART,
     BASELINE,
@@ -38,6 +38,7 @@ from tactile_sensing.contact.fit import fit_load, unfitted
 from tactile_sensing.contact.misfit import judge, LOUD, residual_of, shows_taper
 from tactile_sensing.contact.records import Beliefs, Hypothesis, Misfit, Readings, Residual
 from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, is_nothing, OFF_PAD, refusal, too_short
+from tactile_sensing.image import moments_of, without_spikes
 from tactile_sensing.skin.bumps import (
     BASE,
     BEGIN,
@@ -79,40 +80,12 @@ class Guess(NamedTuple):
     length: float  # half length [m]
 
 
-@njit(error_model='numpy', fastmath=FAST)
-def _smoothed(pad: Pad, reading: np.ndarray) -> tuple[np.ndarray, float]:
-    """Limit readings (rows, columns) to their highest neighbour; return them and their peak."""
-    rows, columns = pad.y.size, pad.x.size
-    smooth, peak = np.zeros((rows, columns)), 0.0
-    for r in range(rows):
-        for c in range(columns):
-            here, around = reading[r * columns + c], 0.0
-            for i in range(max(r - 1, 0), min(r + 2, rows)):
-                for j in range(max(c - 1, 0), min(c + 2, columns)):
-                    if (i != r or j != c) and reading[i * columns + j] > around:
-                        around = reading[i * columns + j]
-            if here > 0.0:
-                smooth[r, c] = min(here, around)
-                peak = max(peak, smooth[r, c])
-    return smooth, peak
-
-
-@njit(error_model='numpy', fastmath=FAST)
+@njit(error_model='numpy')
 def first_guess(pad: Pad, reading: np.ndarray) -> Guess:
     """Guess the load from the second moments of the tactels above 0.3 of the peak."""
-    smooth, peak = _smoothed(pad, reading)
-    total = mx = my = mxx = myy = mxy = 0.0
-    for r in range(pad.y.size):
-        for c in range(pad.x.size):
-            weight = smooth[r, c] - 0.3 * peak
-            if weight > 0.0:
-                x, y = pad.x[c], pad.y[r]
-                total += weight
-                mx += weight * x
-                my += weight * y
-                mxx += weight * x * x
-                myy += weight * y * y
-                mxy += weight * x * y
+    rows, columns = pad.y.size, pad.x.size
+    smooth = without_spikes(reading[:rows * columns].copy().reshape(rows, columns))
+    total, mx, my, mxx, myy, mxy = moments_of(smooth - 0.3 * smooth.max(), pad.x, pad.y, 0.0)
     if not total > 0.0:
         return Guess(0.0, 0.0, 0.0, pad.pitch, pad.pitch)
     x, y = mx / total, my / total

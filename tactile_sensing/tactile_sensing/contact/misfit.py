@@ -7,6 +7,7 @@ import numpy as np
 from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.errors import SANDWICH
 from tactile_sensing.contact.records import Beliefs, Fit, Misfit, Readings, Residual
+from tactile_sensing.image import without_spikes
 from tactile_sensing.skin.bumps import FORCE, LINE, Pad, Q0, Q1, TAPER, WIDTH
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 
@@ -242,23 +243,12 @@ def _hidden_patch(fit: Fit, covariance: np.ndarray) -> float:
 @njit(error_model='numpy')
 def _apart(pad: Pad, fit: Fit, peak: float) -> float:
     """Return `Misfit.apart`; the fit treats a second load as outliers. One tactel is no load."""
-    rows, columns = pad.y.size, pad.x.size
-    over = np.zeros((rows, columns))
-    for i in range(rows * columns):
-        if fit.weight[i] > 0.0:
-            over[i // columns, i % columns] = fit.error[i] - LOUD * math.sqrt(fit.variance[i])
-    apart = 0.0
-    for r in range(rows):
-        for c in range(columns):
-            if fit.model[r * columns + c] < AWAY * peak:
-                around = 0.0
-                if not over[r, c] > apart * peak:
-                    continue
-                for i in range(max(r - 1, 0), min(r + 2, rows)):
-                    for j in range(max(c - 1, 0), min(c + 2, columns)):
-                        if i != r or j != c:
-                            around = max(around, over[i, j])
-                apart = max(apart, min(over[r, c], around) / peak)
+    over = (fit.error - LOUD * np.sqrt(fit.variance)) * (fit.weight > 0.0)
+    over = over[:pad.y.size * pad.x.size].copy().reshape(pad.y.size, pad.x.size)
+    apart, highest = 0.0, without_spikes(over).ravel()
+    for t in range(highest.size):
+        if fit.model[t] < AWAY * peak:
+            apart = max(apart, highest[t] / peak)
     return apart
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
+from tactile_sensing.image import moments_of
 from tactile_sensing.types.array import TactelArray
 
 DETECTION = 5.0  # lowest pressure of a ridge [standard deviations of one tactel]
@@ -101,13 +102,7 @@ def mend(pressure: np.ndarray, noise: float) -> np.ndarray:
 def centre_of_load(pressure: np.ndarray, x: np.ndarray, y: np.ndarray,
                    share: float) -> tuple[float, float]:
     """Return the centre of pressure (x, y) [m] of tactels above a share of the peak, or (0, 0)."""
-    floor = share * pressure.max()
-    total = mx = my = 0.0
-    for r in range(len(y)):
-        for c in range(len(x)):
-            p = pressure[r, c]
-            if p > floor:
-                total, mx, my = total + p, mx + p * x[c], my + p * y[r]
+    total, mx, my = moments_of(pressure, x, y, share * pressure.max())[:3]
     return (mx / total, my / total) if total > 0.0 else (0.0, 0.0)
 
 
