@@ -58,22 +58,16 @@ def _smooth_line(place: np.ndarray, width: float, values: np.ndarray) -> None:
     count = int((place.max() - low) / step) + 2
     bins, smooth = np.empty(count + 2 * reach), np.empty(count)
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / BINS) ** 2)
+    bin_of = ((place - low) / step).astype(np.int64)
+    part = (place - low) / step - bin_of
     for k in range(values.shape[0]):
         bins[:] = 0.0
         for i in range(place.size):
-            at = (place[i] - low) / step
-            b = int(at)
-            bins[reach + b] += values[k, i] * (1.0 - at + b)
-            bins[reach + b + 1] += values[k, i] * (at - b)
+            bins[reach + bin_of[i]] += values[k, i] * (1.0 - part[i])
+            bins[reach + bin_of[i] + 1] += values[k, i] * part[i]
         for b in range(count):
-            total = 0.0
-            for o in range(kernel.size):
-                total += kernel[o] * bins[b + o]
-            smooth[b] = total
-        for i in range(place.size):
-            at = (place[i] - low) / step
-            b = int(at)
-            values[k, i] = smooth[b] * (1.0 - at + b) + smooth[b + 1] * (at - b)
+            smooth[b] = kernel @ bins[b:b + kernel.size]
+        values[k] = smooth[bin_of] * (1.0 - part) + smooth[bin_of + 1] * part
 
 
 @njit(error_model='numpy', fastmath=FAST)
@@ -81,18 +75,11 @@ def _smooth_plane(x: np.ndarray, y: np.ndarray, width: float, values: np.ndarray
                   first: int) -> None:
     """Smooth values (n, tactels) of a layer, from a tactel on, by a Gaussian; in place."""
     rows, columns = y.size, x.size
-    over_x, over_y = np.empty((columns, columns)), np.empty((rows, rows))
-    for place, over in ((x, over_x), (y, over_y)):
-        near = np.exp(-0.5 * ((place - place[0]) / width) ** 2)
-        for i in range(place.size):
-            for j in range(place.size):
-                over[i, j] = near[abs(i - j)]
+    over_x = np.exp(-0.5 * ((x - x.reshape(-1, 1)) / width) ** 2)
+    over_y = np.exp(-0.5 * ((y - y.reshape(-1, 1)) / width) ** 2)
     for k in range(values.shape[0]):
         layer = values[k, first:first + rows * columns].copy().reshape(rows, columns)
-        smooth = over_y @ layer @ over_x
-        for r in range(rows):
-            for c in range(columns):
-                values[k, first + r * columns + c] = smooth[r, c]
+        values[k, first:first + rows * columns] = (over_y @ layer @ over_x).ravel()
 
 
 @njit(error_model='numpy')
