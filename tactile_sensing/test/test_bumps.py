@@ -35,7 +35,7 @@ def rows(kind, power, pad, theta, *, ends=False, wide=True):
     """Return the image (tactels,) and its derivatives (parameters, tactels)."""
     size = pad.depths.size * ARRAY.rows * ARRAY.columns
     by, model = np.zeros((theta.size, size)), np.zeros(size)
-    bumps.add_rows(kind, power, ends, wide, False, pad, theta, by, model)
+    bumps.add_rows(kind, power, ends, wide, pad.nodes, pad, theta, by, model)
     return model, by
 
 
@@ -169,7 +169,7 @@ def test_two_points_are_the_sum_of_both_and_their_derivatives_those_by_differenc
     def image(theta):
         by, model = np.zeros((theta.size, ARRAY.rows * ARRAY.columns)), np.zeros(
             ARRAY.rows * ARRAY.columns)
-        bumps.add_rows_of_two(power, True, False, pad, theta, by, model)
+        bumps.add_rows_of_two(power, True, pad.nodes, pad, theta, by, model)
         return model, by
 
     first = theta.copy()
@@ -189,7 +189,7 @@ def plate(pad, theta):
     """Return the image (tactels,) of a plate and its derivatives (parameters, tactels)."""
     by, model = np.zeros((theta.size, ARRAY.rows * ARRAY.columns)), np.zeros(
         ARRAY.rows * ARRAY.columns)
-    bumps.add_rows_of_plate(False, pad, theta, by, model)
+    bumps.add_rows_of_plate(pad.nodes, pad, theta, by, model)
     return model, by
 
 

@@ -66,12 +66,13 @@ def _model(fit: Fit, pad: Pad, beliefs: Beliefs, theta: np.ndarray, coarse: bool
            every: bool) -> None:
     """Write model and derivatives of a load; `every`: by parameters that are not fitted too."""
     wide = every or beliefs.power or beliefs.patch
+    nodes = np.array([[0.0, 0.0, 1.0]]) if coarse else pad.nodes
     if beliefs.kind == TWO:
-        add_rows_of_two(beliefs.power, wide, coarse, pad, theta, fit.by, fit.model)
+        add_rows_of_two(beliefs.power, wide, nodes, pad, theta, fit.by, fit.model)
     elif beliefs.kind == PLATE:
-        add_rows_of_plate(coarse, pad, theta, fit.by, fit.model)
+        add_rows_of_plate(nodes, pad, theta, fit.by, fit.model)
     else:
-        add_rows(beliefs.kind, beliefs.power, beliefs.ends, wide, coarse, pad, theta, fit.by,
+        add_rows(beliefs.kind, beliefs.power, beliefs.ends, wide, nodes, pad, theta, fit.by,
                  fit.model)
     for i in range(beliefs.active.size):
         for t in range(fit.model.size):

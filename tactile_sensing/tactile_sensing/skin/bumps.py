@@ -368,7 +368,7 @@ def _accumulate(part: np.ndarray, line: bool, ends: bool, wide: bool, lever: np.
 
 
 @njit(cache=True, error_model='numpy')
-def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: Pad,
+def add_rows(kind: int, power: bool, ends: bool, wide: bool, nodes: np.ndarray, pad: Pad,
              theta: np.ndarray, by: np.ndarray, model: np.ndarray) -> None:
     """
     Compute the image of a load and its derivatives.
@@ -380,8 +380,8 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
     power, ends, wide : bool
         Whether the skin is unknown; whether a line has ends; whether derivatives by the shape of
         the bump are needed.
-    coarse : bool
-        Whether to sample a tactel at its centre only, for broad bumps and for first steps.
+    nodes : ndarray, shape (N, 3)
+        Quadrature over a tactel, as `Pad.nodes`.
     pad : Pad
     theta : ndarray, shape (parameters,)
     by : ndarray, shape (parameters, layers * rows * columns)
@@ -426,10 +426,8 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
         by[BASE + k, k * size:(k + 1) * size] = 1.0
         for first in range(0, size, BLOCK):
             sums[:] = 0.0
-            for j in range(1 if coarse else pad.nodes.shape[0]):
-                dx, dy, node = pad.nodes[j, 0], pad.nodes[j, 1], pad.nodes[j, 2]
-                if coarse:
-                    dx, dy, node = 0.0, 0.0, 1.0
+            for j in range(len(nodes)):
+                dx, dy, node = nodes[j, 0], nodes[j, 1], nodes[j, 2]
                 _from_load(part, places[:, first:first + BLOCK], dx, dy, line, cos, sin, theta,
                            half)
                 if ends and not power:
@@ -453,15 +451,15 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, coarse: bool, pad: 
 
 
 @njit(cache=True, error_model='numpy')
-def add_rows_of_two(power: bool, wide: bool, coarse: bool, pad: Pad, theta: np.ndarray,
+def add_rows_of_two(power: bool, wide: bool, nodes: np.ndarray, pad: Pad, theta: np.ndarray,
                     by: np.ndarray, model: np.ndarray) -> None:
     """Compute the image of TWO points and its derivatives; parameters as of `add_rows`."""
     one, load, share = np.zeros_like(by), theta.copy(), theta[SHARE]
     load[LONG_X] = load[LONG_XY] = load[BLUNT] = 0.0
-    add_rows(POINT, power, False, wide, coarse, pad, load, one, model)
+    add_rows(POINT, power, False, wide, nodes, pad, load, one, model)
     alone = model.copy()
     load[Q0], load[Q1] = theta[Q2], theta[Q3]
-    add_rows(POINT, power, False, wide, coarse, pad, load, by, model)
+    add_rows(POINT, power, False, wide, nodes, pad, load, by, model)
     by[Q2], by[Q3] = share * by[Q0], share * by[Q1]
     by[Q0], by[Q1] = (1.0 - share) * one[Q0], (1.0 - share) * one[Q1]
     by[SHARE] = model - alone
@@ -484,16 +482,14 @@ def _border(u: float, share: float) -> tuple[float, float, float]:
 
 
 @njit(cache=True, error_model='numpy', fastmath=FAST)
-def add_rows_of_plate(coarse: bool, pad: Pad, theta: np.ndarray, by: np.ndarray,
+def add_rows_of_plate(nodes: np.ndarray, pad: Pad, theta: np.ndarray, by: np.ndarray,
                       model: np.ndarray) -> None:
     """Compute the image of a PLATE on an unknown skin, a product over two borders, and `by`."""
     cos, sin, share, force = math.cos(theta[Q1]), math.sin(theta[Q1]), theta[SHARE], theta[FORCE]
     inverse, columns = math.sqrt(2.0 ** 0.4 - 1.0) * math.exp(-theta[WIDTH]), pad.x.size
     by[:BASE], by[BASE:] = 0.0, 1.0
-    for j in range(1 if coarse else pad.nodes.shape[0]):
-        dx, dy, node = pad.nodes[j, 0], pad.nodes[j, 1], pad.nodes[j, 2]
-        if coarse:
-            dx, dy, node = 0.0, 0.0, 1.0
+    for j in range(len(nodes)):
+        dx, dy, node = nodes[j, 0], nodes[j, 1], nodes[j, 2]
         for r in range(pad.y.size):
             for c in range(columns):
                 t, x, y = r * columns + c, pad.x[c] + dx, pad.y[r] + dy
