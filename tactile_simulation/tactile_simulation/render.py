@@ -4,9 +4,8 @@ from functools import lru_cache
 import numpy as np
 
 from tactile_common.kernels import FAST, njit
-from tactile_sensing.skin import kernels
-from tactile_sensing.skin.bumps import coefficients_of, value_of
-from tactile_sensing.skin.kernel import polynomials
+from tactile_sensing.skin.bumps import coefficients_of, sharp_point, value_of
+from tactile_sensing.skin.kernel import CENTRE, polynomials
 from tactile_sensing.skin.pressure import split_tactel
 from tactile_sensing.types.array import TactelArray
 from tactile_simulation.sensor import SceneSkin
@@ -94,18 +93,18 @@ def _point_loads(starts: np.ndarray, chords: np.ndarray,
 
 @lru_cache(maxsize=16)
 def _point_shape(skin: SceneSkin, size_x: float, size_y: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a point load's shape (see `skin.kernels`) and a tactel's sample points (N, 2)."""
+    """Return a point load's shape (see `skin.kernel`) and a tactel's sample points (N, 2)."""
     side, nodes = 0.0, np.zeros((1, 2))
     if size_x > 0.0 and size_y > 0.0:
         side, nodes = split_tactel(size_x, size_y, skin.depth)
-    return kernels.sharp_point(polynomials(skin.layer, side), skin.depth), nodes
+    return sharp_point(polynomials(skin.layer, side), skin.depth), nodes
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath=FAST)
 def _add_points(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, nodes: np.ndarray,
                 shape: np.ndarray, depth: float, places: np.ndarray, loads: np.ndarray) -> None:
     """Add the pressure of point loads [N] at places (L, 2) [m]."""
-    of_f, centre = coefficients_of(shape), kernels.centre_of(depth)
+    of_f, centre = coefficients_of(shape), (CENTRE * depth) ** 2
     for k in range(len(loads)):
         load = loads[k] / nodes.shape[0]
         for j in range(nodes.shape[0]):

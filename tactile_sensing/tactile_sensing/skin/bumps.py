@@ -231,6 +231,13 @@ def shape_of(polynomials: np.ndarray, depth: float, row: int, yaw: float, relati
             slope[part, DEGREE - j] = scale * by
 
 
+def sharp_point(polynomials: np.ndarray, depth: float) -> np.ndarray:
+    """Return the coefficients (TERMS,) for a normal point load, highest power of t first."""
+    shape, slope = np.zeros((2, TERMS)), np.zeros((2, TERMS))
+    shape_of(polynomials, depth, 0, 0.0, 0.0, shape, slope)
+    return shape[0]
+
+
 @njit(cache=True, error_model='numpy')
 def chord(pad: Pad, rho: float, yaw: float) -> tuple[float, float]:
     """Return where a line enters and leaves the pad, along it from the foot of the origin [m]."""
