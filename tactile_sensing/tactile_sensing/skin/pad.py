@@ -13,15 +13,10 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import COMPONENTS
 from tactile_sensing.types.skin import Skin
 
-# Gauss-Legendre nodes for the mean over a tactel [tactel sides] and their weights.
-_NODES = {1: ((0.0,), (1.0,)),
-          2: ((-math.sqrt(1 / 12), math.sqrt(1 / 12)), (0.5, 0.5)),
-          3: ((-math.sqrt(0.15), 0.0, math.sqrt(0.15)), (5 / 18, 8 / 18, 5 / 18))}
-
 
 def _gauss(points: int, array: TactelArray) -> np.ndarray:
     """Return the quadrature nodes over a tactel, (points^2, 3): offset x, y [m], weight."""
-    nodes = list(zip(*_NODES[points], strict=True))
+    nodes = np.column_stack(np.polynomial.legendre.leggauss(points)) / 2.0
     return np.array([(p * array.pitch_x, q * array.pitch_y, u * w)
                      for p, u in nodes for q, w in nodes])
 
