@@ -6,8 +6,8 @@ import math
 import numpy as np
 
 from benchmarks.contact.fe_frames import DEPTH
+from benchmarks.contact.golden_pictures import point_stress
 from benchmarks.contact.golden_sets import PADS
-from tactile_sensing.thesis import point
 from tactile_sensing.thesis.line import line_from_moments
 from tactile_sensing.thesis.point_moments import closed_form
 from tactile_sensing.types.array import TactelArray
@@ -55,7 +55,7 @@ def numpy_gauss_newton(frames, *, steps=3):
         parameters = [value[:, None] for value in theta.T]
         corners = [(x + dx, y + dy) for dx in NODES for dy in NODES]
         jacobian = np.mean([_slopes(*at, *parameters) for at in corners], axis=0)
-        model = np.mean([point.stress('zz', *at, *parameters, DEPTH) for at in corners], axis=0)
+        model = np.mean([point_stress('zz', *at, parameters, DEPTH) for at in corners], axis=0)
         used = jacobian[..., 2:] if step == 0 else jacobian  # forces first: linear
         scale = np.sqrt((used**2).sum(axis=1))
         unit = used / scale[:, None, :]

@@ -1,8 +1,9 @@
 """Reference for tests: loads integrated by quadrature over tactels, windows and the plane."""
 
 import numpy as np
+import point_load as point
 
-from tactile_sensing.thesis import line, point
+from tactile_sensing.thesis import line
 from tactile_sensing.types.moments import Moments
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)

@@ -1,12 +1,12 @@
 """Bumps: images compared with closed forms, derivatives with finite differences."""
 from averages_over_tactels import line_average
 import numpy as np
+import point_load as point
 import pytest
 
 from tactile_sensing.skin import bumps
 from tactile_sensing.skin.bumps import BASE, FORCE, LINE, POINT, Q0, Q1, WIDTH
 from tactile_sensing.skin.pad import pad_of
-from tactile_sensing.thesis import point
 from tactile_sensing.types.array import TactelArray
 
 ARRAY, DEPTH = TactelArray(12, 16, 1.6e-3, 1.4e-3), 2e-3

@@ -5,11 +5,12 @@ from hypothesis import given, HealthCheck, settings, target
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 import numpy as np
+import point_load as point
 import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig, METHODS, MODELS
-from tactile_sensing.thesis import line, point
+from tactile_sensing.thesis import line
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType, INFORMATION
 from tactile_sensing.types.image import COMPONENTS, Layer, TactileImage

@@ -1,5 +1,6 @@
 """Counts of all converters: from raw counts to pressure to contacts."""
 import numpy as np
+import point_load as point
 import pytest
 
 from tactile_common.errors import ConfigurationError
@@ -7,7 +8,7 @@ from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.devices.calibration import Calibration, load_calibration, save_calibration
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.tare import unloaded_statistics
-from tactile_sensing.thesis import line, point
+from tactile_sensing.thesis import line
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType, Reason
 from tactile_sensing.types.image import TactileImage

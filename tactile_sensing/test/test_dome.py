@@ -2,6 +2,7 @@
 import tracemalloc
 
 import numpy as np
+import point_load as point
 import pytest
 
 from tactile_common.errors import ConfigurationError
@@ -13,7 +14,6 @@ from tactile_sensing.dome.finite_elements import (
     solve,
 )
 from tactile_sensing.dome.geometry import contact_frame, Dome, HalfSpaceDome
-from tactile_sensing.thesis import point
 from tactile_sensing.types.array import TactelArray
 
 PITCH = 0.0254 / 16

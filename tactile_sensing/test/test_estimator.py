@@ -1,11 +1,12 @@
 """Estimator: valid estimates are at the noise limit, other images are refused."""
 
 import numpy as np
+import point_load as point
 import pytest
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.thesis import line, point
+from tactile_sensing.thesis import line
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType, line_offsets, Reason
 from tactile_sensing.types.image import Layer, TactileImage

@@ -5,10 +5,11 @@ from dataclasses import replace
 
 from averages_over_tactels import plane_moments, point_average, window_moments
 import numpy as np
+import point_load as point
 import pytest
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.thesis import point, point_moments
+from tactile_sensing.thesis import point_moments
 from tactile_sensing.thesis.point_moments import (
     basic,
     closed_form,

@@ -2,11 +2,12 @@
 
 from averages_over_tactels import point_average
 import numpy as np
+import point_load as point
 import pytest
 
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.contact.noise import hidden_floor, noise_of_rounding
-from tactile_sensing.thesis import line, point
+from tactile_sensing.thesis import line
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Reason
 from tactile_sensing.types.image import Layer

@@ -2,6 +2,7 @@
 
 from averages_over_tactels import line_average, point_average
 import numpy as np
+import point_load as point
 import pytest
 from scipy.special import j0, j1
 
@@ -9,7 +10,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.skin.half_spaces import half_spaces
 from tactile_sensing.skin.layer import pressure_transforms
 from tactile_sensing.skin.pressure import SkinPressure
-from tactile_sensing.thesis import line, point
+from tactile_sensing.thesis import line
 from tactile_sensing.types.skin import Skin
 
 DEPTH = 0.002

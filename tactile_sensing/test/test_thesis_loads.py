@@ -4,12 +4,12 @@ from dataclasses import astuple
 
 from averages_over_tactels import all_moments, plane_moments
 import numpy as np
+import point_load as point
 import pytest
 from scipy.integrate import dblquad, quad
 
-from tactile_common.errors import ConfigurationError
 from tactile_sensing.image import image_moments
-from tactile_sensing.thesis import line, point
+from tactile_sensing.thesis import line
 from tactile_sensing.thesis.line import line_from_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.moments import Moments
@@ -28,11 +28,6 @@ def test_a_point_is_boussinesq_and_cerruti_and_shear_the_slope_of_the_ray():
     for component, slope in (('zz', 1.0), ('xz', (X - a) / DEPTH), ('yz', (Y - b) / DEPTH)):
         np.testing.assert_allclose(point.stress(component, X, Y, *LOAD, DEPTH),
                                    slope * (boussinesq + cerruti), rtol=1e-12)
-
-
-def test_unknown_component_is_refused():
-    with pytest.raises(ConfigurationError, match='component is'):
-        point.stress('xx', 0.0, 0.0, *LOAD, DEPTH)
 
 
 @pytest.mark.parametrize('component', ['zz', 'xz', 'yz'])

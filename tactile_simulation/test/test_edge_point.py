@@ -9,10 +9,11 @@ import pytest
 
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.image import image_moments
-from tactile_sensing.thesis.point import stress as point_stress
+from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
+from tactile_sensing.types.skin import Skin
 from tactile_shape.contour.contact_path import edge_point, locate, needs_picture
 from tactile_simulation.render import render
 from tactile_simulation.sensor import SceneSkin
@@ -78,7 +79,7 @@ def test_an_edge_that_leaves_the_pad_is_not_told_beyond_its_end(left):
 
 def test_what_is_no_edge_is_not_located():
     x, y = PAD.x, PAD.y[:, None]
-    round_contact = point_stress('zz', x, y, 1e-3, -1e-3, 5.0, 0.0, 0.0, SKIN.depth)
+    round_contact = SkinPressure(Skin(SKIN.depth)).point(x, y, 1e-3, -1e-3, 5.0)
     assert round_contact.max() > 10.0 * NOISE
     for pressure in (np.zeros(PAD.shape), np.full(PAD.shape, 4e3), round_contact,
                      np.full(PAD.shape, np.nan)):

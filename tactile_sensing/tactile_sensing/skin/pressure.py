@@ -52,7 +52,7 @@ class SkinPressure:
     """
     Pressure at tactels of a given size in a skin [Pa], compression positive.
 
-    Places, loads and signs are those of `thesis.point` and `thesis.line`.
+    Places, loads and signs are those of `thesis.line`; a point has shear along x and y.
     """
 
     skin: Skin
