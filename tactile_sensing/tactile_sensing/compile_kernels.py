@@ -4,6 +4,7 @@ import numpy as np
 
 from tactile_sensing.contact.estimator import ContactEstimator
 from tactile_sensing.contact.ridge import ridge_points
+from tactile_sensing.skin.bumps import chord
 from tactile_sensing.skin.half_spaces import add_point, add_segment
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
@@ -25,3 +26,4 @@ def compile_kernels() -> None:
                 layer = Layer('zz', skin, pressure.astype(np.float32), noise_std=noise)
                 estimator.estimate(TactileImage(0, 0, (layer,), array, tared=True))
     ridge_points(edge, array, 1.0, depth)
+    chord(array.half_width_x, array.half_width_y, 0.0, 0.0)

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import dblquad, quad
 
 from tactile_sensing.image import image_moments
+from tactile_sensing.skin.bumps import chord
 from tactile_sensing.thesis import line
 from tactile_sensing.thesis.line import line_from_moments
 from tactile_sensing.types.array import TactelArray
@@ -73,8 +74,9 @@ def test_yaw_is_right_handed_and_the_thesis_angle_is_not():
 @pytest.mark.parametrize('rho, yaw, expected', [
     (0.0, 0.0, 0.02), (0.004, 0.0, 0.02), (0.006, 0.0, 0.0), (0.0, np.pi / 2, 0.01),
     (0.0, np.pi / 6, 0.02)])
-def test_chord_length_within_a_rectangle(rho, yaw, expected):
-    assert line.chord_length(rho, yaw, 0.005, 0.01) == pytest.approx(expected, abs=1e-12)
+def test_the_chord_of_a_rectangle(rho, yaw, expected):
+    first, last = chord(0.005, 0.01, rho, yaw)
+    assert max(last - first, 0.0) == pytest.approx(expected, abs=1e-12)
 
 
 def test_moments_of_a_strip_and_the_closed_form_that_comes_near():

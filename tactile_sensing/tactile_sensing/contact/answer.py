@@ -149,7 +149,7 @@ def _write_line(pad: Pad, theta: np.ndarray, ends: bool, values: np.ndarray,
         begin, stop, sign = theta[BEGIN], theta[END], 1.0
         if turns % 2:
             begin, stop, sign = -stop, -begin, -1.0
-        low, high = chord(pad, sign * rho, values[YAW])
+        low, high = chord(pad.half_x, pad.half_y, sign * rho, values[YAW])
         if begin > low:
             start = begin
         if stop < high:

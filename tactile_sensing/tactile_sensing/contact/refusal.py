@@ -158,7 +158,7 @@ def refusal(pad: Pad, readings: Readings, one: Hypothesis) -> int:
         return wrong
     if one.beliefs.kind == POINT:
         return OFF_PAD * (abs(theta[Q0]) > pad.half_x or abs(theta[Q1]) > pad.half_y)
-    low, high = chord(pad, theta[Q0], theta[Q1])
+    low, high = chord(pad.half_x, pad.half_y, theta[Q0], theta[Q1])
     if high - low < SHORTEST * pad.pitch:
         return OFF_PAD
     return BAD_FIT * too_short(pad, theta, one.beliefs.ends)

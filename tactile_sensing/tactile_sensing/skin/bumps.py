@@ -87,12 +87,13 @@ def loaded_chord(pad: Pad, theta: np.ndarray, ends: bool) -> tuple[float, float,
     Returns its begin and end along the line from the foot of the origin [m], and the derivatives
     of its length by Q0, Q1, BEGIN and END, shape (4,).
     """
-    first, last = chord(pad, theta[Q0], theta[Q1])
-    change, step = np.zeros(4), 1e-6
+    half_x, half_y, change, step = pad.half_x, pad.half_y, np.zeros(4), 1e-6
+    first, last = chord(half_x, half_y, theta[Q0], theta[Q1])
     for k in range(4 if ends else 2):
         row = (Q0, Q1, BEGIN, END)[k]
         near = theta[row] + step
-        low, high = chord(pad, near if k == 0 else theta[Q0], near if k == 1 else theta[Q1])
+        low, high = chord(half_x, half_y, near if k == 0 else theta[Q0],
+                          near if k == 1 else theta[Q1])
         if ends:
             low = max(low, near if k == 2 else theta[BEGIN])
             high = min(high, near if k == 3 else theta[END])
@@ -239,11 +240,11 @@ def sharp_point(polynomials: np.ndarray, depth: float) -> np.ndarray:
 
 
 @njit(cache=True, error_model='numpy')
-def chord(pad: Pad, rho: float, yaw: float) -> tuple[float, float]:
-    """Return where a line enters and leaves the pad, along it from the foot of the origin [m]."""
+def chord(half_x: float, half_y: float, rho: float, yaw: float) -> tuple[float, float]:
+    """Return where a line enters and leaves a pad, along it from the foot of the origin [m]."""
     cos, sin = math.cos(yaw), math.sin(yaw)
     first, last = -np.inf, np.inf
-    for place, slope, half in ((rho * cos, -sin, pad.half_x), (rho * sin, cos, pad.half_y)):
+    for place, slope, half in ((rho * cos, -sin, half_x), (rho * sin, cos, half_y)):
         if abs(slope) > 1e-12:
             one, other = (-half - place) / slope, (half - place) / slope
             first, last = max(first, min(one, other)), min(last, max(one, other))

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from tactile_sensing.image import image_moments
+from tactile_sensing.skin.bumps import chord
 from tactile_sensing.skin.pressure import SkinPressure
-from tactile_sensing.thesis.line import chord_length, line_from_moments, pressure
+from tactile_sensing.thesis.line import line_from_moments, pressure
 from tactile_sensing.thesis.point_moments import basic, compensated, form_of
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import ContactType, FORCES, PARAMETERS, Reason
@@ -77,7 +78,11 @@ def write_record(frame: np.ndarray, array: TactelArray, layers: Sequence[Layer],
 
 
 def _line(record: np.void, cleaned: Moments, array: TactelArray, depth: float) -> Found:
-    """Write (3.8) to (3.10), corrected, into a record."""
+    """
+    Write (3.8) to (3.10), corrected, into a record.
+
+    (3.2) assumes the length 2L / cos(yaw), i.e. a line that crosses the two sides y = +-L.
+    """
     if not cleaned.m0 > 0.0:
         return ContactType.NONE, Reason.LOW_SNR, None
     if not cleaned.elongation() >= MIN_ELONGATION:
@@ -85,8 +90,8 @@ def _line(record: np.void, cleaned: Moments, array: TactelArray, depth: float) -
     line = line_from_moments(cleaned, array.half_width_y)
     cos, sin = math.cos(line.yaw), math.sin(line.yaw)
     offset = line.a * cos
-    force = line.line_force * chord_length(
-        offset, line.yaw, array.half_width_x, array.half_width_y)
+    first, last = chord(array.half_width_x, array.half_width_y, offset, line.yaw)
+    force = line.line_force * max(last - first, 0.0)
     if not force > 0.0:
         return ContactType.LINE, Reason.OFF_PAD, None
     centre_x, centre_y = cleaned.centre_of_pressure

@@ -7,7 +7,6 @@ is positive, as in the published images: pressure = -sigma_zz.
 """
 
 from dataclasses import dataclass
-import math
 
 import numpy as np
 
@@ -31,24 +30,6 @@ def pressure(x: np.ndarray, y: np.ndarray, rho: float, yaw: float, line_force: f
 def peak_pressure(line_force: float, depth: float) -> float:
     """Return the pressure directly under a line load [Pa], equation (3.1) at v = 0."""
     return 2.0 * line_force / (np.pi * depth)
-
-
-def chord_length(rho: float, yaw: float, half_width_x: float, half_width_y: float) -> float:
-    """
-    Return the length of a line within a rectangle centred on the origin [m]; 0 if it misses.
-
-    (3.2) assumes the length 2L / cos(yaw), i.e. a line that crosses the two sides y = +-L.
-    """
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    enter, leave = -math.inf, math.inf
-    for position, slope, half in ((rho * cos, -sin, half_width_x), (rho * sin, cos, half_width_y)):
-        if abs(slope) < 1e-12:
-            if abs(position) > half:
-                return 0.0
-            continue
-        one, other = (-half - position) / slope, (half - position) / slope
-        enter, leave = max(enter, min(one, other)), min(leave, max(one, other))
-    return max(leave - enter, 0.0)
 
 
 @dataclass(frozen=True)
