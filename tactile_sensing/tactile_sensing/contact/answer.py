@@ -43,6 +43,7 @@ from tactile_sensing.types.contact import ContactType, Reason, ROW
 FEWEST = 6  # tactels
 DETECTION = 5.0  # standard deviations
 MIN_SNR = 16.0  # a weaker load is not valid: its kind is uncertain [dB]
+STEP = 1e-6  # of a parameter, by which the length of a line is differentiated [m, rad]
 QUIETER = 0.9  # fit again if the residual noise is below this share of the assumed noise
 LOW_SNR, FEW_TACTELS = int(Reason.LOW_SNR), int(Reason.FEW_TACTELS)
 SATURATED, SKIN_MISMATCH = int(Reason.SATURATED), int(Reason.SKIN_MISMATCH)
@@ -122,7 +123,7 @@ def _write_line(pad: Pad, theta: np.ndarray, ends: bool, values: np.ndarray,
     The line's place is the middle of its loaded part on the pad; its forces are those on the pad.
     """
     rho, yaw, shear = theta[Q0], theta[Q1], theta[SHEAR_U]
-    first, last, by_length = loaded_chord(pad, theta, ends)
+    first, last = loaded_chord(pad, theta, ends)
     middle, length = 0.5 * (first + last), last - first
     grown = middle / math.hypot(pad.half_x, pad.half_y)
     force = theta[FORCE] + theta[TAPER] * grown
@@ -138,10 +139,14 @@ def _write_line(pad: Pad, theta: np.ndarray, ends: bool, values: np.ndarray,
     change[PER_LENGTH, TAPER] = grown
     change[NORMAL, FORCE], change[NORMAL, TAPER] = length, length * grown
     change[SHEAR_X, SHEAR_U], change[SHEAR_Y, SHEAR_U] = length * cos, length * sin
-    for k, parameter in enumerate((Q0, Q1, BEGIN, END)):
-        change[NORMAL, parameter] = force * by_length[k]
-        change[SHEAR_X, parameter] = shear * cos * by_length[k]
-        change[SHEAR_Y, parameter] = shear * sin * by_length[k]
+    for parameter in (Q0, Q1, BEGIN, END):
+        near = theta.copy()
+        near[parameter] += STEP
+        low, high = loaded_chord(pad, near, ends)
+        by_length = (max(high - low, 0.0) - length) / STEP
+        change[NORMAL, parameter] = force * by_length
+        change[SHEAR_X, parameter] = shear * cos * by_length
+        change[SHEAR_Y, parameter] = shear * sin * by_length
     change[SHEAR_X, Q1] -= shear * length * sin
     change[SHEAR_Y, Q1] += shear * length * cos
     start = end = np.nan

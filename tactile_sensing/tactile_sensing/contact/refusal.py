@@ -167,5 +167,5 @@ def refusal(pad: Pad, readings: Readings, one: Hypothesis) -> int:
 @njit(error_model='numpy')
 def too_short(pad: Pad, theta: np.ndarray, ends: bool) -> bool:
     """Return whether a load on the pad is too short to be a line."""
-    first, last, _ = loaded_chord(pad, theta, ends)
+    first, last = loaded_chord(pad, theta, ends)
     return last - first < SHORTEST * pad.pitch

@@ -79,33 +79,6 @@ def value_of(coefficients: tuple[float, ...], t: float) -> float:
     return value
 
 
-@njit(cache=True, error_model='numpy')
-def loaded_chord(pad: Pad, theta: np.ndarray, ends: bool) -> tuple[float, float, np.ndarray]:
-    """
-    Compute the loaded part of a line on the pad.
-
-    Returns its begin and end along the line from the foot of the origin [m], and the derivatives
-    of its length by Q0, Q1, BEGIN and END, shape (4,).
-    """
-    half_x, half_y, change, step = pad.half_x, pad.half_y, np.zeros(4), 1e-6
-    first, last = chord(half_x, half_y, theta[Q0], theta[Q1])
-    for k in range(4 if ends else 2):
-        row = (Q0, Q1, BEGIN, END)[k]
-        near = theta[row] + step
-        low, high = chord(half_x, half_y, near if k == 0 else theta[Q0],
-                          near if k == 1 else theta[Q1])
-        if ends:
-            low = max(low, near if k == 2 else theta[BEGIN])
-            high = min(high, near if k == 3 else theta[END])
-        change[k] = max(high - low, 0.0)
-    if ends:
-        first, last = max(first, theta[BEGIN]), min(last, theta[END])
-    length = max(last - first, 0.0)
-    for k in range(4 if ends else 2):
-        change[k] = (change[k] - length) / step
-    return first, last, change
-
-
 # Tactels are computed in blocks of constant size, so that loops over them vectorise. Rows of the
 # work array of a block, at one node: U, V distances from the load; ALONG the line; S squared
 # distance s, half its derivatives by u, v; f and g, their derivatives by s, by log w, by n, by b;
@@ -250,6 +223,15 @@ def chord(half_x: float, half_y: float, rho: float, yaw: float) -> tuple[float, 
             first, last = max(first, min(one, other)), min(last, max(one, other))
         elif abs(place) > half:
             return 0.0, -1.0
+    return first, last
+
+
+@njit(error_model='numpy')
+def loaded_chord(pad: Pad, theta: np.ndarray, ends: bool) -> tuple[float, float]:
+    """Return where the loaded part of a line on the pad begins and ends, as `chord`."""
+    first, last = chord(pad.half_x, pad.half_y, theta[Q0], theta[Q1])
+    if ends:
+        first, last = max(first, theta[BEGIN]), min(last, theta[END])
     return first, last
 
 
