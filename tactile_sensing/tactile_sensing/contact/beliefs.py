@@ -43,7 +43,6 @@ POWER, ENDS, ROBUST, PATCH, BASELINE, TAPERED, ELONGATED, BLUNTED = 1, 2, 4, 8, 
 # points, a line that ends or a border of a plate, which has two.
 RARE = 3.0
 APART = 0.055  # a higher unexplained pressure away from the load is a second load [of its peak]
-UNSEEN = 0.0, 0.05  # d where the residual does not show it: sharp load on a known skin, others
 
 
 @njit(error_model='numpy')
@@ -115,5 +114,4 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
     gain, spread = (scatter, 0.5) if scatter > 0.0 else (SCATTER, 1.0)
     volume -= 0.5 * math.log(2.0 * math.pi) * flat
     return Beliefs(kind, power, shaped, ends, patch, robust, mean, information, low, high, step,
-                   np.flatnonzero(fitted), volume, SHEAR[int(power)], scatter, gain, spread,
-                   UNSEEN[int(power or patch)])
+                   np.flatnonzero(fitted), volume, scatter, gain, spread)

@@ -11,12 +11,11 @@ evidence is Laplace's approximation.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.beliefs import TAPER_SPREAD
+from tactile_sensing.contact.beliefs import SHEAR, TAPER_SPREAD
 from tactile_sensing.contact.errors import (
     censored,
     cost_of_dead,
@@ -53,14 +52,6 @@ CONTRADICTED = 3.0  # a bounded reading that is off by more is an ordinary error
 BROAD = 1.2  # from this half width on tactels are sampled at their centre [pitches]
 
 
-class _Scale(NamedTuple):
-    """Scales of an image."""
-
-    peak: float  # highest reading
-    force: float  # force of a load with this peak
-    drift: float  # standard deviation of a baseline
-
-
 @njit(error_model='numpy', inline='always')
 def _model(fit: Fit, pad: Pad, beliefs: Beliefs, theta: np.ndarray, coarse: bool,
            every: bool) -> None:
@@ -75,8 +66,7 @@ def _model(fit: Fit, pad: Pad, beliefs: Beliefs, theta: np.ndarray, coarse: bool
         add_rows(beliefs.kind, beliefs.power, beliefs.ends, wide, nodes, pad, theta, fit.by,
                  fit.model)
     for i in range(beliefs.active.size):
-        for t in range(fit.model.size):
-            fit.rows[i, t] = fit.by[beliefs.active[i], t]
+        fit.rows[i] = fit.by[beliefs.active[i]]
 
 
 @njit(error_model='numpy')
@@ -88,39 +78,39 @@ def _prior(beliefs: Beliefs, force: float, drift: float) -> np.ndarray:
         if beliefs.kind == LINE and p == TAPER:
             prior[i] = (TAPER_SPREAD * force) ** -2.0
         elif p == SHEAR_U or p == SHEAR_V:
-            prior[i] = (beliefs.shear * force) ** -2.0
+            prior[i] = (SHEAR[int(beliefs.power)] * force) ** -2.0
         elif p >= BASE:
             prior[i] = drift ** -2.0
     return prior
 
 
 @njit(error_model='numpy', inline='always')
-def _begin(fit: Fit, pad: Pad, readings: Readings, beliefs: Beliefs) -> _Scale:
-    """Set forces and baselines at the start by least squares; peak 0 if that fails."""
-    theta, tactels = fit.theta, readings.value.size
-    peak, noise = 1e-300, 0.0
-    for t in range(tactels):
-        noise += math.sqrt(readings.noise2[t]) / tactels
-        if np.isfinite(readings.value[t]):
-            peak = max(peak, readings.value[t])
-            fit.error[t] = readings.value[t]
-    drift = DRIFT[0] * peak + DRIFT[1] * noise
+def _begin(fit: Fit, pad: Pad, readings: Readings,
+           beliefs: Beliefs) -> tuple[float, float, float]:
+    """
+    Set forces and baselines at the start by least squares.
+
+    Return the highest reading, or 0 if that fails; the force of a load with this peak; and the
+    standard deviation of a baseline.
+    """
+    theta, known = fit.theta, np.isfinite(readings.value)
+    fit.error[:] = np.where(known, readings.value, 0.0)
+    peak = max(fit.error.max(), 1e-300)
+    drift = DRIFT[0] * peak + DRIFT[1] * np.sqrt(readings.noise2).mean()
     theta[FORCE:] = 0.0
     theta[FORCE] = 1.0
     _model(fit, pad, beliefs, theta, beliefs.power, False)
     force = peak / max(fit.model.max(), 1e-300)
-    for t in range(tactels):
-        fit.weight[t] = np.isfinite(readings.value[t]) / (
-            readings.noise2[t] + (0.3 * peak) ** 2 * beliefs.robust)
+    fit.weight[:] = known / (readings.noise2 + (0.3 * peak) ** 2 * beliefs.robust)
     first = np.searchsorted(beliefs.active, FORCE)
     matrix, right = normal_equations(fit.rows[first:], fit.weight, fit.error)
     matrix += np.diag(_prior(beliefs, force, drift)[first:] + 1e-9 * np.diag(matrix))
     inverse, determinant = inverse_of(matrix)
     if np.isnan(determinant):
-        return _Scale(0.0, force, drift)
+        return 0.0, force, drift
     theta[beliefs.active[first:]] = inverse @ right
     theta[FORCE] = max(theta[FORCE], 1e-3 * force)
-    return _Scale(peak, force, drift)
+    return peak, force, drift
 
 
 @njit(error_model='numpy')
@@ -216,15 +206,15 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
     rows, columns = pad.y.size, pad.x.size
     fit = unfitted(start, readings.noise2, n)
     theta = fit.theta
-    scale = _begin(fit, pad, readings, beliefs)
-    if scale.peak == 0.0:
+    peak, force, drift = _begin(fit, pad, readings, beliefs)
+    if peak == 0.0:
         return fit
     scatter, marginal, moved, was_coarse = 0.0, 0.0, np.inf, False
     g, last = beliefs.gain if robust else beliefs.known, STEPS[1 if robust else 0] - 1
     for iteration in range(last + 1):
         heat = 0.0
         if iteration < annealed:
-            heat = (0.3 * scale.peak * COOLING ** iteration) ** 2
+            heat = (0.3 * peak * COOLING ** iteration) ** 2
         coarse = beliefs.power and (heat > 0.0 or theta[WIDTH] > math.log(BROAD * pad.pitch))
         if was_coarse and not coarse:
             moved = np.inf  # that step was of another model
@@ -233,7 +223,7 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
         _compare(fit, rows * columns, readings)
         if done or g > 0.0:
             spread_of(fit.model, rows, columns, fit.square)
-        prior = _prior(beliefs, max(abs(theta[FORCE]), 1e-3 * scale.force), scale.drift)
+        prior = _prior(beliefs, max(abs(theta[FORCE]), 1e-3 * force), drift)
         if done or (robust and heat == 0.0 and iteration % 2 == 0):
             scatter, marginal = marginal_scatter(
                 fit, readings.noise2 + heat, prior, beliefs, done)
@@ -250,7 +240,7 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
         if done:
             volume = 0.5 * np.log(prior[prior > 0.0]).sum()
             evidence = (marginal - 0.5 * (prior * off * off).sum() + volume - beliefs.volume
-                        - math.log(scale.force))
+                        - math.log(force))
             works = evidence == evidence and theta[FORCE] > 0.0
             return Fit(theta, fit.inverse, fit.by, fit.rows, fit.model, fit.square, fit.error,
                        fit.weight, fit.variance, fit.kept, evidence if works else -np.inf,

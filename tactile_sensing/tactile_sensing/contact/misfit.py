@@ -13,6 +13,7 @@ from tactile_sensing.skin.kernel import MAX_VARIANCE
 
 LOADED = 0.02  # share of the peak from which a tactel is examined for an error of the model
 ALLOWED, LARGEST = 0.1, 0.5  # prior standard deviation of d; largest d^2
+UNSEEN = 0.0, 0.05  # d where the residual does not show it: sharp load on a known skin, others
 TURNED = 0.5  # RMS of a part of the error that grows linearly along a line, relative to d
 LOUD = 4.5  # a larger error of a tactel is not noise [standard deviations]
 AWAY = 0.1  # share of the peak below which a tactel is away from the load
@@ -328,7 +329,7 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
     moved, both = _passed_on(beliefs.kind, pad, moves, basis, across, correlation)
     agreed, deviation, by_model = _agreement(
         beliefs.kind, pad, fit, rows, answer, correlation, loaded, moved, both)
-    d2 = beliefs.unseen ** 2
+    d2 = UNSEEN[int(beliefs.power or beliefs.patch)] ** 2
     if by_model > 0.0:
         # Standard deviation of d^2 under noise, relative to its prior.
         worth = (deviation / by_model / (ALLOWED * ALLOWED)) ** 2

@@ -30,11 +30,9 @@ class Beliefs(NamedTuple):
     largest_step: np.ndarray  # (parameters,)
     active: np.ndarray  # (n,): parameters that are fitted; the others keep their start values
     volume: float  # log of the volume of the flat priors
-    shear: float  # standard deviation of a component of shear / normal force
     known: float  # known scatter g, used by a Gaussian fit; 0: unknown
     gain: float  # median of the prior of the scatter g
     gain_spread: float  # standard deviation of its logarithm
-    unseen: float  # d of `misfit` where the residual does not show it
 
 
 class Fit(NamedTuple):
