@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tactile_sensing.contact.ridge import centre_of_load, mend, ridge_points
-from tactile_sensing.skin.layer import pressure_transforms
+from tactile_sensing.skin.kernel import pressure_transforms
 from tactile_sensing.thesis.line import pressure as line_pressure
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.skin import Skin

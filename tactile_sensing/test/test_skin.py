@@ -8,7 +8,7 @@ from scipy.special import j0, j1
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.skin.half_spaces import half_spaces
-from tactile_sensing.skin.layer import pressure_transforms
+from tactile_sensing.skin.kernel import pressure_transforms
 from tactile_sensing.skin.pressure import SkinPressure
 from tactile_sensing.thesis import line
 from tactile_sensing.types.skin import Skin

@@ -3,7 +3,7 @@ Approximate the pressure of point and line loads on a skin by polynomials, for t
 
 Under a point load, a tactel measures P f(s) + (Qx u + Qy v) g(s), where s = u^2 + v^2 is its
 squared distance. Under a line load, u is its distance and Q the shear across the line. The
-inverse transforms of `layer.pressure_transforms` give f and g. Here they are approximated by
+inverse transforms of `pressure_transforms` give f and g. Here they are approximated by
 polynomials in t = c^2 / (s + c^2), where c is some depths; these are smooth and valid at any
 distance. The mean over a tactel's area and the extent of a load are factors of the transform.
 
@@ -16,7 +16,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from tactile_sensing.skin.layer import pressure_transforms
 from tactile_sensing.types.skin import Skin
 
 DEGREE = 12  # of the polynomials in t
@@ -28,6 +27,52 @@ MAX_VARIANCE = 0.45
 LARGEST_SIDE = 0.9  # largest side of a square with the approximated mean [depths]
 REACH = 40.0  # the pressure is fitted up to this distance, and to 0 at infinity [depths]
 _NODES = 160
+TRACTION, SHEAR = 0, 1  # rows of the conditions at the surface of the skin
+
+
+def pressure_transforms(k: np.ndarray, skin: Skin) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return the transform of the pressure at the tactels over that of the load at the surface.
+
+    This is the exact solution for an elastic layer that is bonded to a rigid base. The harmonic
+    Papkovich-Neuber potentials phi and psi give 2 G u_r = d(phi + z psi')/dr and so on. At every
+    wave number k they are A e^(-kz) + B e^(k(z - h)) and C e^(-kz) + D e^(k(z - h)). Four
+    conditions determine A to D: two at the loaded surface, two at the base. The Hankel transform
+    of order 0 (normal load) or 1 (shear) of the result is the stress under a point load, its
+    Fourier transform the stress under a line load.
+
+    Parameters
+    ----------
+    k : ndarray, shape (N,)
+        Wave numbers [1/m], positive.
+    skin : Skin
+
+    Returns
+    -------
+    normal, shear : ndarray, shape (N,)
+        For a normal load, whose pressure is even about it; for a shear load: odd.
+    """
+    kd = k * skin.depth
+    if skin.is_half_space:  # (2.2) and (3.1)
+        return (1.0 + kd) * np.exp(-kd), kd * np.exp(-kd)
+    # In units of the thickness; columns: coefficients A, B, C, D.
+    kh, nu, depth = k * skin.thickness, skin.poisson, skin.depth / skin.thickness
+    down, zero = np.exp(-kh), np.zeros_like(kh)
+    one = zero + 1.0
+    surface_pressure = [kh, kh * down, 2.0 * (1.0 - nu) * one, -2.0 * (1.0 - nu) * down]
+    surface_shear = [-kh, kh * down, (2.0 * nu - 1.0) * one, (2.0 * nu - 1.0) * down]
+    base_radial = [down, one, down, one]
+    base_normal = [-kh * down, kh, -(kh + 3.0 - 4.0 * nu) * down, kh - (3.0 - 4.0 * nu)]
+    matrix = np.stack([np.stack(row, -1) for row in (
+        surface_pressure, surface_shear, base_radial, base_normal)], -2)
+    loads = np.zeros((kh.size, 4, 2))
+    loads[:, TRACTION, 0] = loads[:, SHEAR, 1] = 1.0
+    a, b, c, d = np.moveaxis(np.linalg.solve(matrix, loads), 1, 0)
+    kz = (kh * depth)[:, None]
+    up, kh = np.exp(kz - kh[:, None]), kh[:, None]
+    pressure = np.exp(-kz) * (kh * a + (kz + 2.0 * (1.0 - nu)) * c) + up * (
+        kh * b + (kz - 2.0 * (1.0 - nu)) * d)
+    return pressure[:, 0], pressure[:, 1]
 
 
 @lru_cache(maxsize=1)
