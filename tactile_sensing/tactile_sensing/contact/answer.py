@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.beliefs import ENDS, PATCH, POWER
+from tactile_sensing.contact.fit import ENDS, PATCH, POWER
 from tactile_sensing.contact.hypotheses import search
 from tactile_sensing.contact.misfit import LOUD
 from tactile_sensing.contact.noise import (
@@ -196,7 +196,7 @@ def _report(pad: Pad, one: Hypothesis, force_std: float, record: Any) -> None:
 @njit(error_model='numpy', inline='always')
 def _answer(frame: np.ndarray, known: KnownSensor, saturated: int, kinds: np.ndarray,
             record: Any) -> int:
-    """Write the answer for one image; return the options of the fit (see `beliefs`)."""
+    """Write the answer for one image; return the options of the fit (see `fit.beliefs_of`)."""
     pad, main, size, shape = known.pad, known.main, frame[0].size, frame.shape
     noises, full, floor = known.noise.copy(), known.full.copy(), known.floor.copy()
     top = _examine(frame, known, saturated, noises, full, floor, record)
@@ -263,7 +263,7 @@ def answer(frames: np.ndarray, sensor: tuple, saturated: int, kinds: np.ndarray,
     Returns
     -------
     int
-        Options of the last fit, see `beliefs`.
+        Options of the last fit, see `fit.beliefs_of`.
     """
     known, options = KnownSensor(Pad(*sensor[0]), *sensor[1:]), 0
     for i in range(len(frames)):

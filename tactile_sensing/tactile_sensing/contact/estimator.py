@@ -10,7 +10,7 @@ import numpy as np
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.answer import answer, KnownSensor, MIN_SNR, plain
-from tactile_sensing.contact.beliefs import ENDS, PATCH, POWER
+from tactile_sensing.contact.fit import ENDS, PATCH, POWER
 from tactile_sensing.contact.noise import noise_of_image
 from tactile_sensing.skin.bumps import LINE, POINT
 from tactile_sensing.skin.pad import pad_of
@@ -180,7 +180,7 @@ def check_layer(layer: Layer) -> None:
 
 
 def name_of(kind: int, options: int, layers: Sequence[Layer]) -> str:
-    """Return the name of a fitted model, e.g. 'line+width/zz'; `options` as in `beliefs`."""
+    """Return the name of a fitted model, such as 'line+width/zz'; `options`: see `beliefs_of`."""
     point = kind == ContactType.POINT
     components = '+'.join(it.component for it in layers if point or it.component == 'zz')
     return ('point' if point else 'line') + ''.join(

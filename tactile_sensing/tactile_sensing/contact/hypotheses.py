@@ -21,20 +21,21 @@ from typing import NamedTuple
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.beliefs import (
+from tactile_sensing.contact.fit import (
     APART,
     BASELINE,
     beliefs_of,
     BLUNTED,
     ELONGATED,
     ENDS,
+    fit_load,
     HALF_SPACE,
     PATCH,
     POWER,
     ROBUST,
     TAPERED,
+    unfitted,
 )
-from tactile_sensing.contact.fit import fit_load, unfitted
 from tactile_sensing.contact.misfit import judge, LOUD, residual_of, shows_taper
 from tactile_sensing.contact.records import Beliefs, Hypothesis, Misfit, Readings, Residual
 from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, is_nothing, OFF_PAD, refusal, too_short

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from tactile_common.kernels import njit
-from tactile_sensing.contact.beliefs import APART
 from tactile_sensing.contact.errors import cost_of_error
+from tactile_sensing.contact.fit import APART
 from tactile_sensing.contact.records import Hypothesis, Readings
 from tactile_sensing.skin.bumps import (
     BASE,
