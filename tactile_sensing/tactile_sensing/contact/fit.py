@@ -20,11 +20,12 @@ from tactile_sensing.contact.errors import (
     cost_of_dead,
     cost_of_error,
     DEAD,
+    inverse_of,
     marginal_scatter,
+    normal_equations,
     spread_of,
     weigh,
 )
-from tactile_sensing.contact.normal_equations import inverse_of, normal_equations
 from tactile_sensing.contact.records import Beliefs, Fit, Readings
 from tactile_sensing.skin.bumps import (
     add_rows,
