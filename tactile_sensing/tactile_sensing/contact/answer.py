@@ -23,21 +23,7 @@ from tactile_sensing.contact.noise import (
 from tactile_sensing.contact.records import Hypothesis, Readings
 from tactile_sensing.contact.refusal import BAD_FIT, DEAD_TACTELS, NO_CONTACT, TWO_CONTACTS
 from tactile_sensing.image import moments_of
-from tactile_sensing.skin.bumps import (
-    BEGIN,
-    chord,
-    END,
-    FORCE,
-    loaded_chord,
-    Pad,
-    POINT,
-    Q0,
-    Q1,
-    SHEAR_U,
-    SHEAR_V,
-    TAPER,
-    WIDTH,
-)
+from tactile_sensing.skin.bumps import chord, loaded_chord, P, Pad, POINT
 from tactile_sensing.types.contact import ContactType, Reason, ROW
 
 FEWEST = 6  # tactels
@@ -109,8 +95,8 @@ def _examine(frame: np.ndarray, known: KnownSensor, saturated: int, noise: np.nd
 
 @njit(error_model='numpy')
 def _write_point(theta: np.ndarray, values: np.ndarray, change: np.ndarray) -> None:
-    for row, parameter in ((X, Q0), (Y, Q1), (NORMAL, FORCE), (SHEAR_X, SHEAR_U),
-                           (SHEAR_Y, SHEAR_V)):
+    for row, parameter in ((X, P.Q0), (Y, P.Q1), (NORMAL, P.FORCE), (SHEAR_X, P.SHEAR_U),
+                           (SHEAR_Y, P.SHEAR_V)):
         values[row], change[row, parameter] = theta[parameter], 1.0
 
 
@@ -122,24 +108,24 @@ def _write_line(pad: Pad, theta: np.ndarray, ends: bool, values: np.ndarray,
 
     The line's place is the middle of its loaded part on the pad; its forces are those on the pad.
     """
-    rho, yaw, shear = theta[Q0], theta[Q1], theta[SHEAR_U]
+    rho, yaw, shear = theta[P.Q0], theta[P.Q1], theta[P.SHEAR_U]
     first, last = loaded_chord(pad, theta, ends)
     middle, length = 0.5 * (first + last), last - first
     grown = middle / math.hypot(pad.half_x, pad.half_y)
-    force = theta[FORCE] + theta[TAPER] * grown
+    force = theta[P.FORCE] + theta[P.TAPER] * grown
     cos, sin = math.cos(yaw), math.sin(yaw)
     turns = math.ceil(yaw / math.pi - 0.5)
     values[X], values[Y] = rho * cos - middle * sin, rho * sin + middle * cos
     values[YAW], values[PER_LENGTH] = yaw - math.pi * turns, force
     values[NORMAL] = force * length
     values[SHEAR_X], values[SHEAR_Y] = shear * length * cos, shear * length * sin
-    change[X, Q0], change[X, Q1] = cos, cos * middle
-    change[Y, Q0], change[Y, Q1] = sin, sin * middle
-    change[YAW, Q1] = change[PER_LENGTH, FORCE] = 1.0
-    change[PER_LENGTH, TAPER] = grown
-    change[NORMAL, FORCE], change[NORMAL, TAPER] = length, length * grown
-    change[SHEAR_X, SHEAR_U], change[SHEAR_Y, SHEAR_U] = length * cos, length * sin
-    for parameter in (Q0, Q1, BEGIN, END):
+    change[X, P.Q0], change[X, P.Q1] = cos, cos * middle
+    change[Y, P.Q0], change[Y, P.Q1] = sin, sin * middle
+    change[YAW, P.Q1] = change[PER_LENGTH, P.FORCE] = 1.0
+    change[PER_LENGTH, P.TAPER] = grown
+    change[NORMAL, P.FORCE], change[NORMAL, P.TAPER] = length, length * grown
+    change[SHEAR_X, P.SHEAR_U], change[SHEAR_Y, P.SHEAR_U] = length * cos, length * sin
+    for parameter in (P.Q0, P.Q1, P.BEGIN, P.END):
         near = theta.copy()
         near[parameter] += STEP
         low, high = loaded_chord(pad, near, ends)
@@ -147,11 +133,11 @@ def _write_line(pad: Pad, theta: np.ndarray, ends: bool, values: np.ndarray,
         change[NORMAL, parameter] = force * by_length
         change[SHEAR_X, parameter] = shear * cos * by_length
         change[SHEAR_Y, parameter] = shear * sin * by_length
-    change[SHEAR_X, Q1] -= shear * length * sin
-    change[SHEAR_Y, Q1] += shear * length * cos
+    change[SHEAR_X, P.Q1] -= shear * length * sin
+    change[SHEAR_Y, P.Q1] += shear * length * cos
     start = end = np.nan
     if ends:
-        begin, stop, sign = theta[BEGIN], theta[END], 1.0
+        begin, stop, sign = theta[P.BEGIN], theta[P.END], 1.0
         if turns % 2:
             begin, stop, sign = -stop, -begin, -1.0
         low, high = chord(pad.half_x, pad.half_y, sign * rho, values[YAW])
@@ -188,7 +174,7 @@ def _report(pad: Pad, one: Hypothesis, force_std: float, record: Any) -> None:
     if record.force_valid:
         record.normal_force, record.line_force = values[NORMAL], values[PER_LENGTH]
         record.shear_force_x, record.shear_force_y = values[SHEAR_X], values[SHEAR_Y]
-        spread = math.sqrt(theta[WIDTH]) if beliefs.patch else 0.0
+        spread = math.sqrt(theta[P.WIDTH]) if beliefs.patch else 0.0
         width = math.sqrt(5.0) if beliefs.kind == POINT else 2.0
         record.patch = pad.depths[0] * spread * width
 

@@ -31,28 +31,12 @@ from tactile_sensing.skin.bumps import (
     add_rows,
     add_rows_of_plate,
     add_rows_of_two,
-    BASE,
-    BEGIN,
-    BLUNT,
-    END,
-    EXPONENT,
-    FORCE,
     LINE,
-    LONG_X,
-    LONG_XY,
+    P,
     Pad,
     PLATE,
     POINT,
-    Q0,
-    Q1,
-    Q2,
-    Q3,
-    SHARE,
-    SHEAR_U,
-    SHEAR_V,
-    TAPER,
     TWO,
-    WIDTH,
 )
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 
@@ -91,58 +75,58 @@ def beliefs_of(pad: Pad, scatter: float, kind: int, options: int) -> Beliefs:
     """Return the priors and bounds of a load; `options` is a sum of the constants above."""
     power, ends, robust = options & POWER > 0, options & ENDS > 0, options & ROBUST > 0
     patch, shaped = options & PATCH > 0, options & (ELONGATED + BLUNTED) > 0
-    count = BASE + pad.depths.size
+    count = P.BASE + pad.depths.size
     mean, information, step = np.zeros(count), np.zeros(count), np.ones(count)
     low, high, fitted = np.full(count, -np.inf), np.full(count, np.inf), np.zeros(count, np.bool_)
-    fitted[Q0] = fitted[Q1] = fitted[FORCE] = fitted[SHEAR_U] = True
-    fitted[SHEAR_V] = kind != LINE or options & TAPERED > 0  # that of a line is its taper
+    fitted[P.Q0] = fitted[P.Q1] = fitted[P.FORCE] = fitted[P.SHEAR_U] = True
+    fitted[P.SHEAR_V] = kind != LINE or options & TAPERED > 0  # that of a line is its taper
     reach = math.hypot(pad.half_x, pad.half_y)
-    information[Q0] = reach ** -2
-    step[Q0] = step[Q1] = step[BEGIN] = step[END] = 0.6 * pad.pitch
+    information[P.Q0] = reach ** -2
+    step[P.Q0] = step[P.Q1] = step[P.BEGIN] = step[P.END] = 0.6 * pad.pitch
     volume, flat = 0.0, 0
     if kind == POINT or kind == TWO:
-        information[Q1] = reach ** -2
-        high[Q0], high[Q1] = 1.25 * pad.half_x, 1.25 * pad.half_y
-        low[Q0], low[Q1] = -high[Q0], -high[Q1]
+        information[P.Q1] = reach ** -2
+        high[P.Q0], high[P.Q1] = 1.25 * pad.half_x, 1.25 * pad.half_y
+        low[P.Q0], low[P.Q1] = -high[P.Q0], -high[P.Q1]
     else:
-        information[Q1] = (2.0 * math.pi) ** -2
-        low[Q0], high[Q0] = -1.25 * reach, 1.25 * reach
-        step[Q1] = 0.15
+        information[P.Q1] = (2.0 * math.pi) ** -2
+        low[P.Q0], high[P.Q0] = -1.25 * reach, 1.25 * reach
+        step[P.Q1] = 0.15
     if kind > LINE:
-        fitted[Q2] = fitted[Q3] = fitted[SHARE] = True
-        information[Q2] = information[Q3] = reach ** -2
-        low[Q2], high[Q2], low[Q3], high[Q3] = low[Q0], high[Q0], low[Q1], high[Q1]
-        low[SHARE], high[SHARE], step[SHARE] = APART, 1.0 - APART, 0.2
+        fitted[P.Q2] = fitted[P.Q3] = fitted[P.SHARE] = True
+        information[P.Q2] = information[P.Q3] = reach ** -2
+        low[P.Q2], high[P.Q2], low[P.Q3], high[P.Q3] = low[P.Q0], high[P.Q0], low[P.Q1], high[P.Q1]
+        low[P.SHARE], high[P.SHARE], step[P.SHARE] = APART, 1.0 - APART, 0.2
         volume += RARE if kind == TWO else 2.0 * RARE
         flat += 1
     if ends:
-        fitted[BEGIN] = fitted[END] = True
-        low[BEGIN] = low[END] = -1.5 * reach
-        high[BEGIN] = high[END] = 1.5 * reach
+        fitted[P.BEGIN] = fitted[P.END] = True
+        low[P.BEGIN] = low[P.END] = -1.5 * reach
+        high[P.BEGIN] = high[P.END] = 1.5 * reach
         volume += 2.0 * math.log(2.0 * reach) + RARE
         flat += 2
     if power:
-        fitted[WIDTH] = fitted[EXPONENT] = True
-        mean[WIDTH], information[WIDTH] = math.log(1.2 * pad.pitch), 0.8 ** -2
-        mean[EXPONENT], information[EXPONENT] = math.log(HALF_SPACE), 0.5 ** -2
-        low[WIDTH], high[WIDTH] = math.log(0.3 * pad.pitch), math.log(widest(pad))
-        low[EXPONENT], high[EXPONENT] = math.log(1.7), math.log(12.0)
-        step[WIDTH], step[EXPONENT] = 0.25, 0.2
+        fitted[P.WIDTH] = fitted[P.EXPONENT] = True
+        mean[P.WIDTH], information[P.WIDTH] = math.log(1.2 * pad.pitch), 0.8 ** -2
+        mean[P.EXPONENT], information[P.EXPONENT] = math.log(HALF_SPACE), 0.5 ** -2
+        low[P.WIDTH], high[P.WIDTH] = math.log(0.3 * pad.pitch), math.log(widest(pad))
+        low[P.EXPONENT], high[P.EXPONENT] = math.log(1.7), math.log(12.0)
+        step[P.WIDTH], step[P.EXPONENT] = 0.25, 0.2
         volume += RARE * shaped
         if options & BLUNTED:
-            fitted[BLUNT], information[BLUNT], step[BLUNT] = True, BLUNTER ** -2, 0.2
-            low[BLUNT], high[BLUNT] = 0.0, BLUNTEST
+            fitted[P.BLUNT], information[P.BLUNT], step[P.BLUNT] = True, BLUNTER ** -2, 0.2
+            low[P.BLUNT], high[P.BLUNT] = 0.0, BLUNTEST
         if options & ELONGATED and kind == POINT:
-            for p in (LONG_X, LONG_XY):
+            for p in (P.LONG_X, P.LONG_XY):
                 fitted[p], information[p], step[p] = True, LONGER ** -2, 0.2
                 low[p], high[p] = -LONGEST, LONGEST
     elif patch:
-        fitted[WIDTH], low[WIDTH], high[WIDTH], step[WIDTH] = True, 0.0, MAX_VARIANCE, 0.1
+        fitted[P.WIDTH], low[P.WIDTH], high[P.WIDTH], step[P.WIDTH] = True, 0.0, MAX_VARIANCE, 0.1
         volume += math.log(MAX_VARIANCE)
         flat += 1
-    fitted[BASE:] = options & BASELINE > 0
+    fitted[P.BASE:] = options & BASELINE > 0
     if kind == PLATE:
-        fitted[END] = fitted[EXPONENT] = fitted[SHEAR_U] = fitted[SHEAR_V] = False
+        fitted[P.END] = fitted[P.EXPONENT] = fitted[P.SHEAR_U] = fitted[P.SHEAR_V] = False
     gain, spread = (scatter, 0.5) if scatter > 0.0 else (SCATTER, 1.0)
     volume -= 0.5 * math.log(2.0 * math.pi) * flat
     return Beliefs(kind, power, shaped, ends, patch, robust, mean, information, low, high, step,
@@ -172,11 +156,11 @@ def _prior(beliefs: Beliefs, force: float, drift: float) -> np.ndarray:
     prior = beliefs.information[beliefs.active]
     for i in range(beliefs.active.size):
         p = beliefs.active[i]
-        if beliefs.kind == LINE and p == TAPER:
+        if beliefs.kind == LINE and p == P.TAPER:
             prior[i] = (TAPER_SPREAD * force) ** -2.0
-        elif p == SHEAR_U or p == SHEAR_V:
+        elif p == P.SHEAR_U or p == P.SHEAR_V:
             prior[i] = (SHEAR[int(beliefs.power)] * force) ** -2.0
-        elif p >= BASE:
+        elif p >= P.BASE:
             prior[i] = drift ** -2.0
     return prior
 
@@ -194,19 +178,19 @@ def _begin(fit: Fit, pad: Pad, readings: Readings,
     fit.error[:] = np.where(known, readings.value, 0.0)
     peak = max(fit.error.max(), 1e-300)
     drift = DRIFT[0] * peak + DRIFT[1] * np.sqrt(readings.noise2).mean()
-    theta[FORCE:] = 0.0
-    theta[FORCE] = 1.0
+    theta[P.FORCE:] = 0.0
+    theta[P.FORCE] = 1.0
     _model(fit, pad, beliefs, theta, beliefs.power, False)
     force = peak / max(fit.model.max(), 1e-300)
     fit.weight[:] = known / (readings.noise2 + (0.3 * peak) ** 2 * beliefs.robust)
-    first = np.searchsorted(beliefs.active, FORCE)
+    first = np.searchsorted(beliefs.active, P.FORCE)
     matrix, right = normal_equations(fit.rows[first:], fit.weight, fit.error)
     matrix += np.diag(_prior(beliefs, force, drift)[first:] + 1e-9 * np.diag(matrix))
     inverse, determinant = inverse_of(matrix)
     if np.isnan(determinant):
         return 0.0, force, drift
     theta[beliefs.active[first:]] = inverse @ right
-    theta[FORCE] = max(theta[FORCE], 1e-3 * force)
+    theta[P.FORCE] = max(theta[P.FORCE], 1e-3 * force)
     return peak, force, drift
 
 
@@ -216,7 +200,7 @@ def _compare(fit: Fit, size: int, readings: Readings) -> None:
     reading, _, full, floor = readings
     for t in range(reading.size):
         if np.isfinite(reading[t]):
-            expected = fit.model[t] + fit.theta[BASE + t // size]
+            expected = fit.model[t] + fit.theta[P.BASE + t // size]
             fit.error[t] = error = min(max(reading[t], floor[t]), full[t]) - expected
             fit.kept[t] = floor[t] < reading[t] < full[t]
             if not fit.kept[t]:
@@ -247,14 +231,14 @@ def _step(theta: np.ndarray, step: np.ndarray, inverse: np.ndarray, beliefs: Bel
     """Take a step within bounds; return the largest change of place or shape [std. deviations]."""
     largest = moved = 0.0
     for i in range(step.size):
-        if beliefs.active[i] < FORCE:
+        if beliefs.active[i] < P.FORCE:
             largest = max(largest, abs(step[i]) / beliefs.largest_step[beliefs.active[i]])
     shrink = 1.0 / max(1.0, largest)
     for i in range(step.size):
         p = beliefs.active[i]
         was = theta[p]
         theta[p] = min(max(was + shrink * step[i], beliefs.low[p]), beliefs.high[p])
-        if p < FORCE:
+        if p < P.FORCE:
             moved = max(moved, abs(theta[p] - was) / math.sqrt(inverse[i, i]))
     return moved
 
@@ -299,7 +283,7 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
     Fit
     """
     robust, n = beliefs.robust, beliefs.active.size
-    annealed = ANNEALED * (robust and start[FORCE] == 0.0)
+    annealed = ANNEALED * (robust and start[P.FORCE] == 0.0)
     rows, columns = pad.y.size, pad.x.size
     fit = unfitted(start, readings.noise2, n)
     theta = fit.theta
@@ -312,7 +296,7 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
         heat = 0.0
         if iteration < annealed:
             heat = (0.3 * peak * COOLING ** iteration) ** 2
-        coarse = beliefs.power and (heat > 0.0 or theta[WIDTH] > math.log(BROAD * pad.pitch))
+        coarse = beliefs.power and (heat > 0.0 or theta[P.WIDTH] > math.log(BROAD * pad.pitch))
         if was_coarse and not coarse:
             moved = np.inf  # that step was of another model
         done = iteration == last or (moved < SETTLED and heat == 0.0)
@@ -320,7 +304,7 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
         _compare(fit, rows * columns, readings)
         if done or g > 0.0:
             spread_of(fit.model, rows, columns, fit.square)
-        prior = _prior(beliefs, max(abs(theta[FORCE]), 1e-3 * force), drift)
+        prior = _prior(beliefs, max(abs(theta[P.FORCE]), 1e-3 * force), drift)
         if done or (robust and heat == 0.0 and iteration % 2 == 0):
             scatter, marginal = marginal_scatter(
                 fit, readings.noise2 + heat, prior, beliefs, done)
@@ -338,7 +322,7 @@ def fit_load(pad: Pad, readings: Readings, beliefs: Beliefs, start: np.ndarray) 
             volume = 0.5 * np.log(prior[prior > 0.0]).sum()
             evidence = (marginal - 0.5 * (prior * off * off).sum() + volume - beliefs.volume
                         - math.log(force))
-            works = evidence == evidence and theta[FORCE] > 0.0
+            works = evidence == evidence and theta[P.FORCE] > 0.0
             return Fit(theta, fit.inverse, fit.by, fit.rows, fit.model, fit.square, fit.error,
                        fit.weight, fit.variance, fit.kept, evidence if works else -np.inf,
                        scatter, iteration + 1)

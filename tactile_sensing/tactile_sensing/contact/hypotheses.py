@@ -40,23 +40,7 @@ from tactile_sensing.contact.misfit import judge, LOUD, residual_of, shows_taper
 from tactile_sensing.contact.records import Beliefs, Hypothesis, Misfit, Readings, Residual
 from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, is_nothing, OFF_PAD, refusal, too_short
 from tactile_sensing.image import moments_of, without_spikes
-from tactile_sensing.skin.bumps import (
-    BASE,
-    BEGIN,
-    END,
-    EXPONENT,
-    LINE,
-    Pad,
-    PLATE,
-    POINT,
-    Q0,
-    Q1,
-    Q2,
-    Q3,
-    SHARE,
-    TWO,
-    WIDTH,
-)
+from tactile_sensing.skin.bumps import LINE, P, Pad, PLATE, POINT, TWO
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 from tactile_sensing.types.contact import Reason
 
@@ -100,12 +84,12 @@ def first_guess(pad: Pad, reading: np.ndarray) -> Guess:
 @njit(error_model='numpy')
 def _cold_start(pad: Pad, kind: int, power: bool, guess: Guess) -> np.ndarray:
     """Return the parameters (parameters,) of a first guess; forces are 0."""
-    theta, width = np.zeros(BASE + pad.depths.size), guess.width
+    theta, width = np.zeros(P.BASE + pad.depths.size), guess.width
     if kind == POINT:
-        theta[Q0], theta[Q1] = guess.x, guess.y
+        theta[P.Q0], theta[P.Q1] = guess.x, guess.y
     elif kind == TWO:
         x, y = -math.sin(guess.across) * guess.length, math.cos(guess.across) * guess.length
-        theta[Q0], theta[Q1], theta[Q2], theta[Q3], theta[SHARE] = (
+        theta[P.Q0], theta[P.Q1], theta[P.Q2], theta[P.Q3], theta[P.SHARE] = (
             guess.x - x, guess.y - y, guess.x + x, guess.y + y, 0.5)
     elif kind == PLATE:
         yaw, size, other = guess.across, guess.width, guess.length
@@ -114,15 +98,15 @@ def _cold_start(pad: Pad, kind: int, power: bool, guess: Guess) -> np.ndarray:
         while u < 0.0 or v < 0.0:  # the load is inside: turn by a right angle
             yaw, size, other, u, v = yaw + 0.5 * math.pi, other, size, v, -u
         # A uniform load begins 3^(1/2) standard deviations before its middle.
-        theta[Q0], theta[Q1] = u - math.sqrt(3.0) * size, yaw
-        theta[BEGIN], theta[SHARE], width = v - math.sqrt(3.0) * other, 0.5, pad.pitch
+        theta[P.Q0], theta[P.Q1] = u - math.sqrt(3.0) * size, yaw
+        theta[P.BEGIN], theta[P.SHARE], width = v - math.sqrt(3.0) * other, 0.5, pad.pitch
     else:
         cos, sin = math.cos(guess.across), math.sin(guess.across)
-        theta[Q0], theta[Q1] = guess.x * cos + guess.y * sin, guess.across
+        theta[P.Q0], theta[P.Q1] = guess.x * cos + guess.y * sin, guess.across
         middle = guess.y * cos - guess.x * sin
-        theta[BEGIN], theta[END] = middle - 1.6 * guess.length, middle + 1.6 * guess.length
+        theta[P.BEGIN], theta[P.END] = middle - 1.6 * guess.length, middle + 1.6 * guess.length
     if power:
-        theta[WIDTH], theta[EXPONENT] = math.log(width), math.log(HALF_SPACE)
+        theta[P.WIDTH], theta[P.EXPONENT] = math.log(width), math.log(HALF_SPACE)
     return theta
 
 
@@ -188,7 +172,7 @@ def _search_sharp(pad: Pad, readings: Readings, scatter: float, guess: Guess,
         sharp = _cold_start(pad, kind, False, guess)
         for extra in range(3):  # nothing, a patch, a baseline
             theta = sharp.copy()
-            theta[WIDTH] = FIRST_PATCH * (extra == 1)
+            theta[P.WIDTH] = FIRST_PATCH * (extra == 1)
             one = _fitted(pad, readings, scatter, kind,
                           PATCH * (extra == 1) + BASELINE * (extra == 2), theta)
             if _is_noise(one):
@@ -246,10 +230,10 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
         theta = _cold_start(pad, kind, power, guess)
         if patch:
             kind, theta = best.beliefs.kind, best.fit.theta.copy()
-            theta[WIDTH] = FIRST_PATCH
+            theta[P.WIDTH] = FIRST_PATCH
         one = _fitted(pad, readings, scatter, kind, ROBUST + BASELINE + POWER * power
                       + shape + ENDS * ends + PATCH * patch, theta)
-        least, share = best.fit.evidence, one.fit.theta[SHARE]
+        least, share = best.fit.evidence, one.fit.theta[P.SHARE]
         if kind > LINE:
             least = max(least, short)
             if kind == TWO and min(share, 1.0 - share) <= APART:
@@ -320,5 +304,5 @@ def search(pad: Pad, readings: Readings, scatter: float,
         if not power and pad.depths.size == 1 and not is_nothing(readings, one):
             refused = why & ~OFF_PAD > 0 or _other_skin(one)
             free = refused or one.fit.scatter > one.beliefs.gain or (
-                one.beliefs.patch and one.fit.theta[WIDTH] >= MAX_VARIANCE)
+                one.beliefs.patch and one.fit.theta[P.WIDTH] >= MAX_VARIANCE)
     return one, why

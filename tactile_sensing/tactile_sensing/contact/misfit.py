@@ -8,7 +8,7 @@ from tactile_common.kernels import FAST, njit
 from tactile_sensing.contact.errors import SANDWICH
 from tactile_sensing.contact.records import Beliefs, Fit, Misfit, Readings, Residual
 from tactile_sensing.image import without_spikes
-from tactile_sensing.skin.bumps import FORCE, LINE, Pad, Q0, Q1, TAPER, WIDTH
+from tactile_sensing.skin.bumps import LINE, P, Pad
 from tactile_sensing.skin.kernel import MAX_VARIANCE
 
 LOADED = 0.02  # share of the peak from which a tactel is examined for an error of the model
@@ -151,7 +151,7 @@ def _agreement(kind: int, pad: Pad, fit: Fit, rows: np.ndarray, answer: np.ndarr
         elif side == 1 and pad.y.size > 1:
             step = pad.y[1] - pad.y[0]
         if kind == LINE:
-            step *= math.cos(fit.theta[Q1]) if side == 0 else math.sin(fit.theta[Q1])
+            step *= math.cos(fit.theta[P.Q1]) if side == 0 else math.sin(fit.theta[P.Q1])
         rho = math.exp(-0.5 * (step / correlation) ** 2)
         count = tactels - ahead
         for i in range(count):
@@ -201,9 +201,9 @@ def _one_more(fit: Fit, by: np.ndarray) -> tuple[float, float, np.ndarray]:
 @njit(error_model='numpy')
 def shows_taper(fit: Fit) -> bool:
     """Return whether the residual of a line shows that its force grows along it."""
-    mean, deviation, _ = _one_more(fit, fit.by[TAPER])
+    mean, deviation, _ = _one_more(fit, fit.by[P.TAPER])
     least, share = TAPER_SHOWN
-    return abs(mean) > max(least * deviation, share * fit.theta[FORCE])
+    return abs(mean) > max(least * deviation, share * fit.theta[P.FORCE])
 
 
 @njit(error_model='numpy')
@@ -213,7 +213,7 @@ def _hidden_patch(fit: Fit, covariance: np.ndarray) -> float:
 
     Prior of the variance of the patch: 0 with probability 1/2, else uniform up to MAX_VARIANCE.
     """
-    mean, deviation, slope = _one_more(fit, fit.by[WIDTH])
+    mean, deviation, slope = _one_more(fit, fit.by[P.WIDTH])
     if deviation == 0.0:
         return 0.0
     total = squared = 0.0
@@ -256,9 +256,9 @@ def _unseen_middle(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs,
         return
     for i in range(beliefs.active.size):
         parameter = beliefs.active[i]
-        if parameter != Q0 and (parameter != Q1 or beliefs.kind == LINE):
+        if parameter != P.Q0 and (parameter != P.Q1 or beliefs.kind == LINE):
             continue
-        angle = fit.theta[Q1] if beliefs.kind == LINE else 0.5 * math.pi * (parameter == Q1)
+        angle = fit.theta[P.Q1] if beliefs.kind == LINE else 0.5 * math.pi * (parameter == P.Q1)
         across, low, high = _places(pad, fit.model.size, angle), math.inf, -math.inf
         total, side = 1e-300, 0.0
         for t in range(fit.model.size):
@@ -273,8 +273,8 @@ def _unseen_middle(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs,
             # Away from the visible flank.
             moves[i] = -share / math.sqrt(
                 (1.0 - share ** 2) / covariance[i, i] + 12.0 / width ** 2)
-            force = np.searchsorted(beliefs.active, FORCE)
-            moves[force] = 2.0 * abs(moves[i]) / width * fit.theta[FORCE]
+            force = np.searchsorted(beliefs.active, P.FORCE)
+            moves[force] = 2.0 * abs(moves[i]) / width * fit.theta[P.FORCE]
             covariance += moves.reshape(-1, 1) * moves
 
 
@@ -319,13 +319,13 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
         Covariance of theta; 0 for parameters that are not fitted.
     """
     index, n = beliefs.active, beliefs.active.size
-    half = math.exp(fit.theta[WIDTH]) if beliefs.power else HALF_WIDTH * pad.depths[0]
+    half = math.exp(fit.theta[P.WIDTH]) if beliefs.power else HALF_WIDTH * pad.depths[0]
     correlation, peak = max(half, pad.pitch), fit.model.max()
     loaded = (fit.weight > 0.0) & (np.abs(fit.model) > LOADED * peak)
     rows = fit.rows * loaded
     answer = fit.inverse @ rows
     moves, basis = answer * fit.weight, fit.model * loaded
-    across = _places(pad, basis.size, fit.theta[Q1])
+    across = _places(pad, basis.size, fit.theta[P.Q1])
     moved, both = _passed_on(beliefs.kind, pad, moves, basis, across, correlation)
     agreed, deviation, by_model = _agreement(
         beliefs.kind, pad, fit, rows, answer, correlation, loaded, moved, both)
@@ -339,7 +339,7 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
         small += _by_gains(fit, beliefs)
     along = 0.0
     if beliefs.robust and beliefs.kind == LINE:
-        place = _places(pad, basis.size, fit.theta[Q1] + 0.5 * math.pi)
+        place = _places(pad, basis.size, fit.theta[P.Q1] + 0.5 * math.pi)
         # Of the same tactels as `Residual.left`.
         kept = basis * (fit.error ** 2 < LOUD ** 2 * fit.variance)
         along = _along(fit, readings.noise2, kept, place, correlation)

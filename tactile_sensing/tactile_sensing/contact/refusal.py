@@ -8,18 +8,7 @@ from tactile_common.kernels import njit
 from tactile_sensing.contact.errors import cost_of_error
 from tactile_sensing.contact.fit import APART
 from tactile_sensing.contact.records import Hypothesis, Readings
-from tactile_sensing.skin.bumps import (
-    BASE,
-    BLUNT,
-    chord,
-    LINE,
-    loaded_chord,
-    Pad,
-    POINT,
-    Q0,
-    Q1,
-    WIDTH,
-)
+from tactile_sensing.skin.bumps import chord, LINE, loaded_chord, P, Pad, POINT
 from tactile_sensing.types.contact import Reason
 
 BAD_FIT, NO_CONTACT, OFF_PAD = int(Reason.BAD_FIT), int(Reason.NO_CONTACT), int(Reason.OFF_PAD)
@@ -82,7 +71,7 @@ def is_nothing(readings: Readings, one: Hypothesis) -> bool:
     reading and the baseline are uniform up to the highest reading, which is positive. It may be
     hot under the load too; if the load has no baseline, there is none.
     """
-    fit, drifts = one.fit, one.beliefs.active[-1] >= BASE
+    fit, drifts = one.fit, one.beliefs.active[-1] >= P.BASE
     middle, peak = drifts * np.nanmedian(readings.value), np.nanmax(readings.value)
     hot = (0.375 * peak * readings.value.size) ** 2  # 3/8: density of Student t at its middle
     logs, product, gain, information = 0.0, 1.0, 1.0, 0.0
@@ -128,7 +117,7 @@ def _bad_fit(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     """
     significance = one.misfit.significance
     theta, bound = one.fit.theta, one.beliefs.high - ROUNDING
-    if one.beliefs.power and (theta[WIDTH] > bound[WIDTH] or theta[BLUNT] > bound[BLUNT]):
+    if one.beliefs.power and (theta[P.WIDTH] > bound[P.WIDTH] or theta[P.BLUNT] > bound[P.BLUNT]):
         significance = np.inf
     factor = SHAPED if one.beliefs.shaped else 1.0
     left = one.residual.left
@@ -157,8 +146,8 @@ def refusal(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     if wrong:
         return wrong
     if one.beliefs.kind == POINT:
-        return OFF_PAD * (abs(theta[Q0]) > pad.half_x or abs(theta[Q1]) > pad.half_y)
-    low, high = chord(pad.half_x, pad.half_y, theta[Q0], theta[Q1])
+        return OFF_PAD * (abs(theta[P.Q0]) > pad.half_x or abs(theta[P.Q1]) > pad.half_y)
+    low, high = chord(pad.half_x, pad.half_y, theta[P.Q0], theta[P.Q1])
     if high - low < SHORTEST * pad.pitch:
         return OFF_PAD
     return BAD_FIT * too_short(pad, theta, one.beliefs.ends)

@@ -11,9 +11,10 @@ bone, bluntness and the area of the tactels together. The bump of a point may al
 under a finger, and any bump blunt (b > 0), as under a broad object.
 """
 
+from collections import namedtuple
 from collections.abc import Callable
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,19 +22,21 @@ from tactile_common.kernels import FAST, njit, to_fixed_tuple
 from tactile_sensing.skin.kernel import CENTRE, DEGREE
 
 POINT, LINE, TWO, PLATE = 1, 2, 3, 4
-# Parameters of a load. Q0, Q1: x, y of a point [m]; rho [m], yaw [rad] of a line. BEGIN, END:
-# ends of a line, along it from the foot of the origin [m]. WIDTH: variance of the patch
-# [depths^2] on a known skin, else log of the half width [m]. EXPONENT: log n. FORCE, SHEAR_U,
-# SHEAR_V: [N] of a point, [N/m] of a line; SHEAR_U of a line is the shear across it. TAPER, in
-# the place of SHEAR_V: growth of the force of a line, along it from the foot of the origin, over
-# half the diagonal of the pad [N/m]. BASE: baseline of the first layer; the others follow.
+# Places of the parameters of a load; some share one. Q0, Q1: x, y of a point [m]; rho [m], yaw
+# [rad] of a line. BEGIN, END: ends of a line, along it from the foot of the origin [m]. WIDTH:
+# variance of the patch [depths^2] on a known skin, else log of the half width [m]. EXPONENT:
+# log n. FORCE, SHEAR_U, SHEAR_V: [N] of a point, [N/m] of a line; SHEAR_U of a line is the shear
+# across it. TAPER: growth of the force of a line, along it from the foot of the origin, over half
+# the diagonal of the pad [N/m]. BASE: baseline of the first layer; the others follow.
 # On an unknown skin, BLUNT: b. LONG_X, LONG_XY: stretch of a point along x and along the diagonal,
 # s = (1 - LONG_X) u^2 + (1 + LONG_X) v^2 - 2 LONG_XY u v.
 # Of TWO points: Q0, Q1 and Q2, Q3: x, y [m]; SHARE: part of the load that is on the second.
 # Of a PLATE: Q0, Q1 of a border, with yaw to its inside; BEGIN of the plate along this border;
 # SHARE: part of the pressure that is high on the borders.
-Q0, Q1, BEGIN, END, SHARE, WIDTH, EXPONENT, FORCE, SHEAR_U, SHEAR_V, BASE = range(11)
-Q2, Q3, LONG_X, LONG_XY, BLUNT, TAPER = BEGIN, END, BEGIN, END, SHARE, SHEAR_V
+NAMES = (*'Q0 Q1 BEGIN END SHARE WIDTH EXPONENT FORCE SHEAR_U SHEAR_V BASE'.split(),
+         *'Q2 Q3 LONG_X LONG_XY BLUNT TAPER'.split())
+PLACES = [*range(11), 2, 3, 2, 3, 4, 9]
+P: Any = namedtuple('P', NAMES)(*PLACES)
 BEYOND = 8.0  # a line is invisible from this distance outside the pad [depths]
 LOG2 = math.log(2.0)
 TERMS = DEGREE + 1  # of a polynomial
@@ -96,13 +99,13 @@ def _from_load(part: np.ndarray, places: np.ndarray, dx: float, dy: float, line:
     for i in range(BLOCK):
         x, y = places[0, i] + dx, places[1, i] + dy
         if line:
-            u, part[ALONG + i] = x * cos + y * sin - theta[Q0], y * cos - x * sin
+            u, part[ALONG + i] = x * cos + y * sin - theta[P.Q0], y * cos - x * sin
             part[GROWS + i] = part[ALONG + i] / half
             part[U + i], part[SU + i], part[S + i] = u, u, u * u
         else:
-            u, v = x - theta[Q0], y - theta[Q1]
-            by_u = (1.0 - theta[LONG_X]) * u - theta[LONG_XY] * v
-            by_v = (1.0 + theta[LONG_X]) * v - theta[LONG_XY] * u
+            u, v = x - theta[P.Q0], y - theta[P.Q1]
+            by_u = (1.0 - theta[P.LONG_X]) * u - theta[P.LONG_XY] * v
+            by_v = (1.0 + theta[P.LONG_X]) * v - theta[P.LONG_XY] * u
             part[U + i], part[V + i], part[S + i] = u, v, by_u * u + by_v * v
             part[SU + i], part[SV + i] = by_u, by_v
 
@@ -229,9 +232,9 @@ def chord(half_x: float, half_y: float, rho: float, yaw: float) -> tuple[float, 
 @njit(error_model='numpy')
 def loaded_chord(pad: Pad, theta: np.ndarray, ends: bool) -> tuple[float, float]:
     """Return where the loaded part of a line on the pad begins and ends, as `chord`."""
-    first, last = chord(pad.half_x, pad.half_y, theta[Q0], theta[Q1])
+    first, last = chord(pad.half_x, pad.half_y, theta[P.Q0], theta[P.Q1])
     if ends:
-        first, last = max(first, theta[BEGIN]), min(last, theta[END])
+        first, last = max(first, theta[P.BEGIN]), min(last, theta[P.END])
     return first, last
 
 
@@ -312,49 +315,51 @@ def _accumulate(part: np.ndarray, line: bool, ends: bool, wide: bool, lever: np.
 
     The derivatives in the rows of WIDTH, EXPONENT and BLUNT are those by log w, n and b.
     """
-    shear_u, shear_v = theta[SHEAR_U], theta[SHEAR_V]
-    rho, gz, gx, gy = theta[Q0], lever[0], lever[1], lever[2]
+    shear_u, shear_v = theta[P.SHEAR_U], theta[P.SHEAR_V]
+    rho, gz, gx, gy = theta[P.Q0], lever[0], lever[1], lever[2]
     for i in range(BLOCK):
         u, v = part[U + i], part[V + i]
-        share, force = node * (gz + gx * u + gy * v), theta[FORCE] + theta[TAPER] * part[GROWS + i]
+        share = node * (gz + gx * u + gy * v)
+        force = theta[P.FORCE] + theta[P.TAPER] * part[GROWS + i]
         across = shear_u * u + shear_v * v
         common = 2.0 * (force * part[FS + i] + across * part[GS + i])
         value = force * part[F + i] + across * part[G + i]
         by_u = share * (common * part[SU + i] + shear_u * part[G + i])
-        sums[BASE * BLOCK + i] += share * value
-        sums[Q0 * BLOCK + i] -= by_u + node * gx * value
+        sums[P.BASE * BLOCK + i] += share * value
+        sums[P.Q0 * BLOCK + i] -= by_u + node * gx * value
         if line:
-            sums[Q1 * BLOCK + i] += by_u * part[ALONG + i] + node * turned * u * value
-            sums[Q1 * BLOCK + i] += node * gx * value * part[ALONG + i]
-            sums[Q1 * BLOCK + i] -= share * part[F + i] * theta[TAPER] * (u + rho) / half
-            sums[TAPER * BLOCK + i] += share * part[F + i] * part[GROWS + i]
+            sums[P.Q1 * BLOCK + i] += by_u * part[ALONG + i] + node * turned * u * value
+            sums[P.Q1 * BLOCK + i] += node * gx * value * part[ALONG + i]
+            sums[P.Q1 * BLOCK + i] -= share * part[F + i] * theta[P.TAPER] * (u + rho) / half
+            sums[P.TAPER * BLOCK + i] += share * part[F + i] * part[GROWS + i]
         else:
-            sums[Q1 * BLOCK + i] -= share * (common * part[SV + i] + shear_v * part[G + i])
-            sums[Q1 * BLOCK + i] -= node * gy * value
-            sums[SHEAR_V * BLOCK + i] += share * part[G + i] * v
-        sums[FORCE * BLOCK + i] += share * part[F + i]
-        sums[SHEAR_U * BLOCK + i] += share * part[G + i] * u
+            sums[P.Q1 * BLOCK + i] -= share * (common * part[SV + i] + shear_v * part[G + i])
+            sums[P.Q1 * BLOCK + i] -= node * gy * value
+            sums[P.SHEAR_V * BLOCK + i] += share * part[G + i] * v
+        sums[P.FORCE * BLOCK + i] += share * part[F + i]
+        sums[P.SHEAR_U * BLOCK + i] += share * part[G + i] * u
     for i in range(BLOCK if wide else 0):
         u, v = part[U + i], part[V + i]
-        share, force = node * (gz + gx * u + gy * v), theta[FORCE] + theta[TAPER] * part[GROWS + i]
+        share = node * (gz + gx * u + gy * v)
+        force = theta[P.FORCE] + theta[P.TAPER] * part[GROWS + i]
         across = shear_u * u + shear_v * v
-        sums[WIDTH * BLOCK + i] += share * (force * part[FW + i] + across * part[GW + i])
-        sums[EXPONENT * BLOCK + i] += share * (force * part[FN + i] + across * part[GN + i])
-        sums[BLUNT * BLOCK + i] += share * (force * part[FB + i] + across * part[GB + i])
+        sums[P.WIDTH * BLOCK + i] += share * (force * part[FW + i] + across * part[GW + i])
+        sums[P.EXPONENT * BLOCK + i] += share * (force * part[FN + i] + across * part[GN + i])
+        sums[P.BLUNT * BLOCK + i] += share * (force * part[FB + i] + across * part[GB + i])
         if not line:
             by_s = share * (force * part[FS + i] + across * part[GS + i])
-            sums[LONG_X * BLOCK + i] += by_s * (v * v - u * u)
-            sums[LONG_XY * BLOCK + i] -= 2.0 * by_s * u * v
+            sums[P.LONG_X * BLOCK + i] += by_s * (v * v - u * u)
+            sums[P.LONG_XY * BLOCK + i] -= 2.0 * by_s * u * v
     if ends:
         for i in range(BLOCK):
             across = shear_u * part[U + i]
             share = node * (gz + gx * part[U + i])
-            force = theta[FORCE] + theta[TAPER] * part[GROWS + i]
+            force = theta[P.FORCE] + theta[P.TAPER] * part[GROWS + i]
             first = share * (force * part[F0 + i] + across * part[G0 + i])
             last = share * (force * part[F1 + i] + across * part[G1 + i])
-            sums[Q1 * BLOCK + i] += (first + last) * (part[U + i] + rho)
-            sums[BEGIN * BLOCK + i] += first
-            sums[END * BLOCK + i] += last
+            sums[P.Q1 * BLOCK + i] += (first + last) * (part[U + i] + rho)
+            sums[P.BEGIN * BLOCK + i] += first
+            sums[P.END * BLOCK + i] += last
 
 
 @njit(cache=True, error_model='numpy')
@@ -381,7 +386,7 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, nodes: np.ndarray, 
     """
     rows, columns = pad.y.size, pad.x.size
     size = rows * columns
-    part, sums = np.empty(SCRATCH), np.empty((BASE + 1) * BLOCK)
+    part, sums = np.empty(SCRATCH), np.empty((P.BASE + 1) * BLOCK)
     part[V:V + BLOCK] = part[GROWS:GROWS + BLOCK] = 0.0
     places = np.zeros((2, (size + BLOCK - 1) // BLOCK * BLOCK))
     for r in range(rows):
@@ -391,29 +396,29 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, nodes: np.ndarray, 
     line, half = kind == LINE, math.hypot(pad.half_x, pad.half_y)
     cos, sin, w, n, height = 1.0, 0.0, 1.0, 1.0, 1.0
     if line:
-        cos, sin = math.cos(theta[Q1]), math.sin(theta[Q1])
+        cos, sin = math.cos(theta[P.Q1]), math.sin(theta[P.Q1])
     if power:
-        n = math.exp(theta[EXPONENT])
-        height = (2.0 - theta[BLUNT]) / (1.0 - theta[BLUNT])  # 1 / p at half height
-        w = math.exp(theta[WIDTH]) / math.sqrt(height ** (1.0 / n) - 1.0)
+        n = math.exp(theta[P.EXPONENT])
+        height = (2.0 - theta[P.BLUNT]) / (1.0 - theta[P.BLUNT])  # 1 / p at half height
+        w = math.exp(theta[P.WIDTH]) / math.sqrt(height ** (1.0 / n) - 1.0)
     for k in range(pad.depths.size):
         depth = pad.depths[k]
         centre, reach = (CENTRE * depth) ** 2, BEYOND * depth + half
-        begin, end = max(theta[BEGIN], -reach), min(theta[END], reach)
+        begin, end = max(theta[P.BEGIN], -reach), min(theta[P.END], reach)
         if not power:
             ratio = (pad.depths[0] / depth) ** 2  # all layers have the same patch
-            shape_of(pad.polynomials[k], depth, kind - 1, theta[Q1], ratio * theta[WIDTH], shape,
-                     slope)
+            shape_of(pad.polynomials[k], depth, kind - 1, theta[P.Q1], ratio * theta[P.WIDTH],
+                     shape, slope)
             slope *= ratio
             if ends:
-                shape_of(pad.polynomials[k], depth, 0, 0.0, ratio * theta[WIDTH], tip, tip_slope)
+                shape_of(pad.polynomials[k], depth, 0, 0.0, ratio * theta[P.WIDTH], tip, tip_slope)
                 tip_slope *= ratio
         lever, turned = pad.levers[k].copy(), 0.0
         if line:  # keep the shear component across the line
             turned = lever[2] * cos - lever[1] * sin
             lever[1], lever[2] = lever[1] * cos + lever[2] * sin, 0.0
-        by[BASE:, k * size:(k + 1) * size] = 0.0
-        by[BASE + k, k * size:(k + 1) * size] = 1.0
+        by[P.BASE:, k * size:(k + 1) * size] = 0.0
+        by[P.BASE + k, k * size:(k + 1) * size] = 1.0
         for first in range(0, size, BLOCK):
             sums[:] = 0.0
             for j in range(len(nodes)):
@@ -423,37 +428,37 @@ def add_rows(kind: int, power: bool, ends: bool, wide: bool, nodes: np.ndarray, 
                 if ends and not power:
                     _end_skin(part, tip, tip_slope, centre, begin, end)
                 elif power:
-                    _power_bumps(part, w, n - 0.5 * line, theta[BLUNT])
+                    _power_bumps(part, w, n - 0.5 * line, theta[P.BLUNT])
                     if ends:
-                        _end_power(part, w, theta[BEGIN], theta[END])
+                        _end_power(part, w, theta[P.BEGIN], theta[P.END])
                 else:
                     _skin_bumps(part, shape, slope, centre, wide)
                 _accumulate(part, line, ends, wide, lever, turned, node, theta, half, sums)
             begins, count = k * size + first, min(BLOCK, size - first)
             for i in range(count):
-                for p in range(BASE):
+                for p in range(P.BASE):
                     by[p, begins + i] = sums[p * BLOCK + i]
-                model[begins + i] = sums[BASE * BLOCK + i]
+                model[begins + i] = sums[P.BASE * BLOCK + i]
     if power:  # w depends on n and b
         narrower = 0.5 / (n * (1.0 - height ** (-1.0 / n)))  # -d(log w) / d(log height)
-        by[EXPONENT] = n * by[EXPONENT] + narrower * math.log(height) * by[WIDTH]
-        by[BLUNT] -= narrower * (height - 2.0 + 1.0 / height) * by[WIDTH]
+        by[P.EXPONENT] = n * by[P.EXPONENT] + narrower * math.log(height) * by[P.WIDTH]
+        by[P.BLUNT] -= narrower * (height - 2.0 + 1.0 / height) * by[P.WIDTH]
 
 
 @njit(cache=True, error_model='numpy')
 def add_rows_of_two(power: bool, wide: bool, nodes: np.ndarray, pad: Pad, theta: np.ndarray,
                     by: np.ndarray, model: np.ndarray) -> None:
     """Compute the image of TWO points and its derivatives; parameters as of `add_rows`."""
-    one, load, share = np.zeros_like(by), theta.copy(), theta[SHARE]
-    load[LONG_X] = load[LONG_XY] = load[BLUNT] = 0.0
+    one, load, share = np.zeros_like(by), theta.copy(), theta[P.SHARE]
+    load[P.LONG_X] = load[P.LONG_XY] = load[P.BLUNT] = 0.0
     add_rows(POINT, power, False, wide, nodes, pad, load, one, model)
     alone = model.copy()
-    load[Q0], load[Q1] = theta[Q2], theta[Q3]
+    load[P.Q0], load[P.Q1] = theta[P.Q2], theta[P.Q3]
     add_rows(POINT, power, False, wide, nodes, pad, load, by, model)
-    by[Q2], by[Q3] = share * by[Q0], share * by[Q1]
-    by[Q0], by[Q1] = (1.0 - share) * one[Q0], (1.0 - share) * one[Q1]
-    by[SHARE] = model - alone
-    for row in range(WIDTH, by.shape[0]):
+    by[P.Q2], by[P.Q3] = share * by[P.Q0], share * by[P.Q1]
+    by[P.Q0], by[P.Q1] = (1.0 - share) * one[P.Q0], (1.0 - share) * one[P.Q1]
+    by[P.SHARE] = model - alone
+    for row in range(P.WIDTH, by.shape[0]):
         by[row] = (1.0 - share) * one[row] + share * by[row]
     model[:] = (1.0 - share) * alone + share * model
 
@@ -475,23 +480,24 @@ def _border(u: float, share: float) -> tuple[float, float, float]:
 def add_rows_of_plate(nodes: np.ndarray, pad: Pad, theta: np.ndarray, by: np.ndarray,
                       model: np.ndarray) -> None:
     """Compute the image of a PLATE on an unknown skin, a product over two borders, and `by`."""
-    cos, sin, share, force = math.cos(theta[Q1]), math.sin(theta[Q1]), theta[SHARE], theta[FORCE]
-    inverse, columns = math.sqrt(2.0 ** 0.4 - 1.0) * math.exp(-theta[WIDTH]), pad.x.size
-    by[:BASE], by[BASE:] = 0.0, 1.0
+    cos, sin = math.cos(theta[P.Q1]), math.sin(theta[P.Q1])
+    share, force = theta[P.SHARE], theta[P.FORCE]
+    inverse, columns = math.sqrt(2.0 ** 0.4 - 1.0) * math.exp(-theta[P.WIDTH]), pad.x.size
+    by[:P.BASE], by[P.BASE:] = 0.0, 1.0
     for j in range(len(nodes)):
         dx, dy, node = nodes[j, 0], nodes[j, 1], nodes[j, 2]
         for r in range(pad.y.size):
             for c in range(columns):
                 t, x, y = r * columns + c, pad.x[c] + dx, pad.y[r] + dy
                 across, along = x * cos + y * sin, y * cos - x * sin
-                u, v = (across - theta[Q0]) * inverse, (along - theta[BEGIN]) * inverse
+                u, v = (across - theta[P.Q0]) * inverse, (along - theta[P.BEGIN]) * inverse
                 f, fu, more_u = _border(u, share)
                 g, gv, more_v = _border(v, share)
                 fu, gv = node * force * fu * g, node * force * gv * f
-                by[FORCE, t] += node * f * g
-                by[Q0, t] -= fu * inverse
-                by[BEGIN, t] -= gv * inverse
-                by[Q1, t] += (fu * along - gv * across) * inverse
-                by[WIDTH, t] -= fu * u + gv * v
-                by[SHARE, t] += node * force * (more_u * g + f * more_v)
-    model[:] = force * by[FORCE]
+                by[P.FORCE, t] += node * f * g
+                by[P.Q0, t] -= fu * inverse
+                by[P.BEGIN, t] -= gv * inverse
+                by[P.Q1, t] += (fu * along - gv * across) * inverse
+                by[P.WIDTH, t] -= fu * u + gv * v
+                by[P.SHARE, t] += node * force * (more_u * g + f * more_v)
+    model[:] = force * by[P.FORCE]
