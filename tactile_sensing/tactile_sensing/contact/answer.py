@@ -162,6 +162,7 @@ def _report(pad: Pad, one: Hypothesis, force_std: float, record: Any) -> None:
         _write_point(theta, values, change)
     else:
         record.start, record.end = _write_line(pad, theta, beliefs.ends, values, change)
+    change = change[:, beliefs.active]
     covariance = change @ one.covariance @ change.T
     for i in range(7):
         for j in range(7):

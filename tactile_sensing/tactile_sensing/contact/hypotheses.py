@@ -37,7 +37,7 @@ from tactile_sensing.contact.fit import (
     unfitted,
 )
 from tactile_sensing.contact.misfit import judge, LOUD, residual_of, shows_taper
-from tactile_sensing.contact.records import Beliefs, Hypothesis, Misfit, Readings, Residual
+from tactile_sensing.contact.records import Beliefs, Hypothesis, Misfit, Readings
 from tactile_sensing.contact.refusal import BAD_FIT, DOUBT, is_nothing, OFF_PAD, refusal, too_short
 from tactile_sensing.image import moments_of, without_spikes
 from tactile_sensing.skin.bumps import LINE, P, Pad, PLATE, POINT, TWO
@@ -152,8 +152,8 @@ def _is_noise(one: Hypothesis) -> bool:
 def _nothing(readings: Readings, beliefs: Beliefs) -> Hypothesis:
     """Return a hypothesis without a fit."""
     fit = unfitted(np.zeros(beliefs.mean.size), readings.noise2, beliefs.active.size)
-    return Hypothesis(beliefs, fit, Residual(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0),
-                      Misfit(0.0, 0.0, 0.0, 0.0), np.zeros((0, 0)))
+    return Hypothesis(beliefs, fit, residual_of(fit, readings), Misfit(0.0, 0.0, 0.0, 0.0),
+                      np.zeros((0, 0)))
 
 
 @njit(error_model='numpy')

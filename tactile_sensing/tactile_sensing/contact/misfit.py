@@ -95,28 +95,11 @@ def _places(pad: Pad, tactels: int, angle: float) -> np.ndarray:
 def _passed_on(kind: int, pad: Pad, moves: np.ndarray, basis: np.ndarray, place: np.ndarray,
                correlation: float) -> tuple[np.ndarray, np.ndarray]:
     """
-    Propagate an error of the model to the parameters.
+    Propagate an error of the model to the parameters; return Q K / d^2 and Q K Q' / d^2.
 
-    It has the covariance K_ij = d^2 b_i b_j rho_ij, where rho falls with the distance of two
-    tactels; for a line, with that of their places.
-
-    Parameters
-    ----------
-    moves : ndarray, shape (n, tactels)
-        Q, the change of the parameters by an error.
-    basis : ndarray, shape (tactels,)
-        b [pressure]; 0 where tactels are not loaded.
-    place : ndarray, shape (tactels,)
-        Of a line [m].
-    correlation : float
-        Correlation length [m].
-
-    Returns
-    -------
-    moved : ndarray, shape (n, tactels)
-        Q K / d^2.
-    both : ndarray, shape (n, n)
-        Q K Q' / d^2.
+    Q is `moves` (n, tactels), the change of the parameters by an error. The error has the
+    covariance K_ij = d^2 b_i b_j rho_ij, where b is `basis` (tactels,), 0 where tactels are not
+    loaded, and rho falls with the distance of two tactels; for a line, with that of `place`.
     """
     size = pad.x.size * pad.y.size
     moved = moves * basis
@@ -315,10 +298,9 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
     Returns
     -------
     Misfit
-    ndarray, shape (parameters, parameters)
-        Covariance of theta; 0 for parameters that are not fitted.
+    ndarray, shape (n, n)
+        Covariance of the active parameters.
     """
-    index, n = beliefs.active, beliefs.active.size
     half = math.exp(fit.theta[P.WIDTH]) if beliefs.power else HALF_WIDTH * pad.depths[0]
     correlation, peak = max(half, pad.pitch), fit.model.max()
     loaded = (fit.weight > 0.0) & (np.abs(fit.model) > LOADED * peak)
@@ -334,9 +316,9 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
         # Standard deviation of d^2 under noise, relative to its prior.
         worth = (deviation / by_model / (ALLOWED * ALLOWED)) ** 2
         d2 = (min(max(agreed / by_model, 0.0), LARGEST) + worth * d2) / (1.0 + worth)
-    small = fit.inverse * (SANDWICH if beliefs.robust else 1.0) + d2 * both
+    covariance = fit.inverse * (SANDWICH if beliefs.robust else 1.0) + d2 * both
     if not beliefs.robust:
-        small += _by_gains(fit, beliefs)
+        covariance += _by_gains(fit, beliefs)
     along = 0.0
     if beliefs.robust and beliefs.kind == LINE:
         place = _places(pad, basis.size, fit.theta[P.Q1] + 0.5 * math.pi)
@@ -344,18 +326,14 @@ def judge(pad: Pad, fit: Fit, readings: Readings, beliefs: Beliefs) -> tuple[Mis
         kept = basis * (fit.error ** 2 < LOUD ** 2 * fit.variance)
         along = _along(fit, readings.noise2, kept, place, correlation)
         _, both = _passed_on(LINE, pad, moves, kept, place, correlation)
-        small += along ** 2 * both
+        covariance += along ** 2 * both
         _, both = _passed_on(
             LINE, pad, moves, basis * _normalised(place, basis), across, correlation)
-        small += TURNED ** 2 * d2 * both
+        covariance += TURNED ** 2 * d2 * both
     hidden = 0.0
     if not beliefs.power and not beliefs.patch:
-        hidden = _hidden_patch(fit, small)
-    _unseen_middle(pad, fit, readings, beliefs, small)
-    covariance = np.zeros((fit.theta.size, fit.theta.size))
-    for i in range(n):
-        for j in range(n):
-            covariance[index[i], index[j]] = small[i, j]
+        hidden = _hidden_patch(fit, covariance)
+    _unseen_middle(pad, fit, readings, beliefs, covariance)
     significance = agreed / deviation if deviation > 0.0 else 0.0
     apart = _apart(pad, fit, peak)
     return Misfit(significance, hidden, along, apart), covariance

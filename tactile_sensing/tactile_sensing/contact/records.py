@@ -81,4 +81,4 @@ class Hypothesis(NamedTuple):
     fit: Fit
     residual: Residual
     misfit: Misfit
-    covariance: np.ndarray  # (parameters, parameters)
+    covariance: np.ndarray  # (n, n): of the active parameters
