@@ -10,7 +10,6 @@ import numpy as np
 from benchmarks.contact import peers as peer
 from benchmarks.contact.golden_score import layers_of
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
-from tactile_sensing.types.contact import line_offsets
 from tactile_sensing.types.image import TactileImage
 
 FIT = 'estimator'
@@ -53,8 +52,8 @@ def _contact(frame, estimator, layers, array, names):
 
 def _records(frames, estimator, layers, array, names):
     found = estimator.estimate_batch(frames, array, layers)
-    return np.stack([line_offsets(found) if name == 'offset' else found[name] for name in names],
-                    axis=1)
+    offset = found['x'] * np.cos(found['yaw']) + found['y'] * np.sin(found['yaw'])
+    return np.stack([offset if name == 'offset' else found[name] for name in names], axis=1)
 
 
 def _estimator(name, arrays, *, known=True, **config):

@@ -12,7 +12,6 @@ from tactile_sensing.types.contact import (
     COLUMNS,
     Contact,
     ContactType,
-    line_offsets,
     PARAMETERS,
     Reason,
     RECORD,
@@ -45,8 +44,6 @@ def test_the_offset_of_a_line_is_the_same_wherever_its_point_is():
             x, y = 3e-3 * across + at * along
             contact = Contact(ContactType.LINE, True, Reason(0), 'fit', x=x, y=y, yaw=yaw)
             assert contact.offset == pytest.approx(3e-3, abs=1e-12)
-            record = np.array((x, y, yaw), [(name, 'f8') for name in ('x', 'y', 'yaw')])
-            assert line_offsets(record) == pytest.approx(contact.offset, abs=1e-12)
     for yaw in (np.nan, np.inf):
         assert np.isnan(Contact(ContactType.LINE, True, Reason(0), 'fit', x=0.0, y=0.0,
                                 yaw=yaw).offset)

@@ -8,7 +8,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.thesis import line
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.contact import ContactType, line_offsets, Reason
+from tactile_sensing.types.contact import ContactType, Reason
 from tactile_sensing.types.image import Layer, TactileImage
 
 DEPTH, FORCE = 0.002, 200.0
@@ -51,7 +51,8 @@ def test_line_is_at_the_cramer_rao_bound(decibels):
     valid = found['valid'] & (found['type'] == ContactType.LINE)
     assert valid.mean() > 0.995
     found, truth = found[valid], truth[valid]
-    error = np.column_stack([line_offsets(found) - truth[:, 0], found['yaw'] - truth[:, 1],
+    offset = found['x'] * np.cos(found['yaw']) + found['y'] * np.sin(found['yaw'])
+    error = np.column_stack([offset - truth[:, 0], found['yaw'] - truth[:, 1],
                              found['line_force'] - FORCE])
     bound = []
     steps = np.diag([1e-7, 1e-5, 1.0, 1.0])

@@ -51,11 +51,6 @@ class KnownSensor(NamedTuple):
     force_std: float  # relative standard deviation that all forces have in common
 
 
-def plain(sensor: KnownSensor) -> tuple:
-    """Convert a Sensor to the plain tuples that the entry points take."""
-    return tuple(sensor.pad), *sensor[1:]
-
-
 @njit(error_model='numpy')
 def _examine(frame: np.ndarray, known: KnownSensor, saturated: int, noise: np.ndarray,
              full: np.ndarray, floor: np.ndarray, record: Any) -> float:
@@ -239,7 +234,7 @@ def answer(frames: np.ndarray, sensor: tuple, saturated: int, kinds: np.ndarray,
     frames : ndarray, shape (N, layers, rows, columns)
         Readings; NaN: no reading.
     sensor : tuple
-        Result of `plain`.
+        A KnownSensor as plain tuples.
     saturated : int
         Number of tactels that are NaN because they are at full scale.
     kinds : ndarray of int

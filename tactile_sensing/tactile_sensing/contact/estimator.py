@@ -9,7 +9,7 @@ import numpy as np
 
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.contact.answer import answer, KnownSensor, MIN_SNR, plain
+from tactile_sensing.contact.answer import answer, KnownSensor, MIN_SNR
 from tactile_sensing.contact.fit import ENDS, PATCH, POWER
 from tactile_sensing.contact.noise import noise_of_image
 from tactile_sensing.skin.bumps import LINE, POINT
@@ -135,16 +135,16 @@ class ContactEstimator:
             poisson=float(layers[main].poisson))
         known = layers[main]
         noises = np.array([max(config.noise_std or it.noise_std, 0.0) for it in layers], float)
-        sensor = plain(KnownSensor(
+        sensor = KnownSensor(
             pad, main, noises,
             np.array([it.full_scale or np.inf for it in layers]),
             np.array([it.floor or -np.inf for it in layers]), float(known.gain_spread),
-            known.unit == 'Pa', float(known.force_std)))
+            known.unit == 'Pa', float(known.force_std))
         stress[~(np.abs(stress) < IMPOSSIBLE)] = np.nan
         records, model = _NOTHING.repeat(len(stress)), ''
         fits = config.method == 'fit'
         kinds = np.array(MODELS[config.model] if fits else (), np.int64)
-        options = answer(stress, sensor, saturated, kinds, records)
+        options = answer(stress, (tuple(pad), *sensor[1:]), saturated, kinds, records)
         if not fits:
             thesis = import_module('tactile_sensing.thesis.closed_forms')
             for frame, record in zip(stress, records, strict=True):

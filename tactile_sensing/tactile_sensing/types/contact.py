@@ -104,11 +104,6 @@ class Contact:
         return self.x * math.cos(self.yaw) + self.y * math.sin(self.yaw)
 
 
-def line_offsets(records: np.ndarray) -> np.ndarray:
-    """Return `Contact.offset` [m] of lines; records: structured array with x, y and yaw."""
-    return records['x'] * np.cos(records['yaw']) + records['y'] * np.sin(records['yaw'])
-
-
 # Order of the rows and columns of Contact.covariance; ROW.x is the index of x, and so on.
 PARAMETERS = tuple(f.name for f in fields(Contact) if f.metadata.get('row'))
 ROW: Any = namedtuple('ROW', PARAMETERS)(*range(len(PARAMETERS)))
