@@ -14,9 +14,15 @@ from tactile_sensing.dome.finite_elements import (
 )
 from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_sensing.types.array import TactelArray
-from tactile_servo.tactile_jacobian.features import FeatureKind, ModelFeatures
-from tactile_servo.tactile_jacobian.jacobian import Increments, loading_cases
-from tactile_servo.tactile_jacobian.table import build_table, grid, JacobianTable
+from tactile_servo.tactile_jacobian import (
+    build_table,
+    FeatureKind,
+    grid,
+    Increments,
+    JacobianTable,
+    loading_cases,
+    ModelFeatures,
+)
 from tactile_simulation.sensor import Sensor
 
 DOME, SKIN = Dome(), SkinConfig()

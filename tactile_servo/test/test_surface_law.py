@@ -24,9 +24,13 @@ from tactile_servo.laws.surface_features import between, ContactSense, Felt, Pad
 from tactile_servo.laws.surface_following import SurfaceFollowing
 from tactile_servo.laws.surface_goal import Pattern, refuse_surface_goal, SurfaceGoal
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.tactile_jacobian.features import FeatureKind, ModelFeatures
-from tactile_servo.tactile_jacobian.jacobian import Increments
-from tactile_servo.tactile_jacobian.table import build_table, grid
+from tactile_servo.tactile_jacobian import (
+    build_table,
+    FeatureKind,
+    grid,
+    Increments,
+    ModelFeatures,
+)
 
 PITCH, FORCE = 0.0254 / 16, 5.0
 ARRAY, DOME = TactelArray(16, 16, PITCH, PITCH), Dome()

@@ -7,24 +7,20 @@ from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_sensing.image import image_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_servo.cli.build_jacobian_table import main
-from tactile_servo.tactile_jacobian.features import (
+from tactile_servo.tactile_jacobian import (
+    build_table,
+    condition_of,
     FeatureKind,
     features_of,
     filled,
-    ModelFeatures,
-)
-from tactile_servo.tactile_jacobian.jacobian import (
-    condition_of,
-    Increments,
-    least_squares,
-    loading_cases,
-    scale_for,
-)
-from tactile_servo.tactile_jacobian.table import (
-    build_table,
     grid,
+    Increments,
     JacobianTable,
+    least_squares,
     load_table,
+    loading_cases,
+    ModelFeatures,
+    scale_for,
 )
 
 PITCH, FORCE = 0.0254 / 16, 5.0

@@ -14,9 +14,7 @@ from tactile_servo.config import ServoConfig
 from tactile_servo.laws.surface_config import ProbeConfig, SurfaceConfig
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
 from tactile_servo.reasons import Refused
-from tactile_servo.tactile_jacobian.features import ModelFeatures
-from tactile_servo.tactile_jacobian.jacobian import Increments
-from tactile_servo.tactile_jacobian.table import build_table, grid
+from tactile_servo.tactile_jacobian import build_table, grid, Increments, ModelFeatures
 from tactile_servo.types import State
 from tactile_shape.types.patch import Kind
 from tactile_simulation.cli.simulate import main

@@ -15,9 +15,14 @@ from tactile_common.errors import ConfigurationError, TactileError
 from tactile_sensing.dome.finite_elements import FiniteElementDome, operator_for, SkinConfig
 from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_sensing.types.array import TactelArray
-from tactile_servo.tactile_jacobian.features import FeatureKind, ModelFeatures
-from tactile_servo.tactile_jacobian.jacobian import Increments
-from tactile_servo.tactile_jacobian.table import build_table, grid, JacobianTable
+from tactile_servo.tactile_jacobian import (
+    build_table,
+    FeatureKind,
+    grid,
+    Increments,
+    JacobianTable,
+    ModelFeatures,
+)
 
 EXAMPLES = """\
 examples:

@@ -14,14 +14,17 @@ from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.laws.surface_config import SurfaceConfig
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.tactile_jacobian.features import FeatureKind, features_of, filled, ModelFeatures
-from tactile_servo.tactile_jacobian.jacobian import (
+from tactile_servo.tactile_jacobian import (
+    FeatureKind,
+    features_of,
+    filled,
     Increments,
+    JacobianTable,
     least_squares,
     loading_cases,
+    ModelFeatures,
     scale_for,
 )
-from tactile_servo.tactile_jacobian.table import JacobianTable
 from tactile_servo.types import pressure_layer
 
 MOST_MISSING = 0.3  # largest share of missing tactels

@@ -43,7 +43,7 @@ from tactile_servo.laws.surface_goal import (
 from tactile_servo.laws.surface_motion import CENTRED, LIFT, PRESS, ROLL_RATE, STOP, SurfaceMotion
 from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.tactile_jacobian.table import load_table
+from tactile_servo.tactile_jacobian import load_table
 from tactile_servo.types import pressure_layer, State, TaskError
 
 MET = 0.05  # relative error of the force at which it counts as reached, and motion begins
