@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError, UnreachableError
-from tactile_servo.motion.inverse import damped_least_squares
+from tactile_servo.motion.inverse import damped_least_squares, ROTATION_LENGTH
 from tactile_servo.motion.robot import RobotModel
 
 PUMA = Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf'
@@ -176,8 +176,8 @@ def test_the_law_is_that_of_its_singular_values(joints):
     for spread in (0.0, 1.0, 3.0):  # decades over which the columns differ
         jacobian = rng.normal(size=(6, joints)) * 10.0**(-spread * rng.random(joints))
         twist = rng.normal(size=6)
-        dq, smallest = damped_least_squares(jacobian, twist, damping=0.05, rotation_length=0.2)
-        weight = np.repeat([1.0, 0.2], 3)
+        dq, smallest = damped_least_squares(jacobian, twist, damping=0.05)
+        weight = np.repeat([1.0, ROTATION_LENGTH], 3)
         left, values, right = np.linalg.svd(weight[:, None] * jacobian, full_matrices=False)
         gains = values / np.maximum(values**2, 0.05**2)
         np.testing.assert_allclose(

@@ -29,21 +29,21 @@ PUSH = 4.0  # motion of a joint at its limit per (weighted) metre of the sensor 
 PUSH_SPEED = 0.1  # largest such velocity, as a share of the joint's velocity limit
 
 
-def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *, damping: float = DAMPING,
-                         rotation_length: float = ROTATION_LENGTH) -> tuple[np.ndarray, float]:
+def damped_least_squares(jacobian: np.ndarray, twist: np.ndarray, *,
+                         damping: float = DAMPING) -> tuple[np.ndarray, float]:
     """
     Return joint velocities for a twist, exact away from singularities and bounded near them.
 
-    With ``W = diag(1, 1, 1, l, l, l)`` (l = `rotation_length`) and the singular values s of
+    With ``W = diag(1, 1, 1, l, l, l)`` (l = `ROTATION_LENGTH`) and the singular values s of
     ``W J``, this is ``dq = (W J)^T U diag(1 / max(s^2, damping^2)) U^T W twist``: the numerical
     filtering of Chiaverini, Siciliano and Egeland (IEEE T-CST 2(2), 1994), for each singular
     direction. Always ``|dq| <= |W twist| / damping``. The rows of the Jacobian (6, n) are linear,
-    then angular; `damping` and l are in m/rad.
+    then angular; `damping` is in m/rad.
 
     Returns the joint velocities (n,) [rad/s or m/s] and the smallest s [m/rad].
     """
     return _least_squares(np.ascontiguousarray(jacobian, dtype=float), np.asarray(twist, float),
-                          np.zeros(np.shape(jacobian)[1]), damping, rotation_length)
+                          np.zeros(np.shape(jacobian)[1]), damping)
 
 
 class Solution(NamedTuple):
@@ -75,8 +75,8 @@ class BoundedInverse:
         are not finite.
         """
         limits, scale, limited_by = self._limits, 1.0, ''
-        found, smallest = _least_squares(jacobian, twist, self._push(twist, joints.positions),
-                                         DAMPING, ROTATION_LENGTH)
+        found, smallest = _least_squares(
+            jacobian, twist, self._push(twist, joints.positions), DAMPING)
         if limits.keeps(found, reach.least[-1], reach.most[-1]) or not np.isfinite(found).all():
             return Solution(found, scale, limited_by, smallest)
         matrix = hessian(jacobian)
@@ -116,11 +116,11 @@ class BoundedInverse:
 
 
 @njit(cache=True)
-def _least_squares(jacobian: np.ndarray, twist: np.ndarray, push: np.ndarray, damping: float,
-                   rotation_length: float) -> tuple[np.ndarray, float]:
+def _least_squares(jacobian: np.ndarray, twist: np.ndarray, push: np.ndarray,
+                   damping: float) -> tuple[np.ndarray, float]:
     """Return velocities for the twist plus the null-space part of `push`, and the smallest s."""
     joints, weighted, square = jacobian.shape[1], jacobian.copy(), np.zeros((6, 6))
-    weighted[3:] *= rotation_length
+    weighted[3:] *= ROTATION_LENGTH
     for i in range(6):  # loops are faster here than a call of BLAS
         for j in range(6):
             for k in range(joints):
@@ -134,7 +134,7 @@ def _least_squares(jacobian: np.ndarray, twist: np.ndarray, push: np.ndarray, da
     for i in range(6):
         share = less = 0.0
         for j in range(6):
-            share += left[j, i] * twist[j] * (rotation_length if j >= 3 else 1.0)
+            share += left[j, i] * twist[j] * (ROTATION_LENGTH if j >= 3 else 1.0)
             less += left[j, i] * pushed[j]
         share /= max(squared[i], damping * damping)
         if redundant and squared[i] > 1e-8 * squared[5]:
@@ -159,7 +159,7 @@ def allowed_acceleration(jacobian: np.ndarray, acceleration: np.ndarray, first: 
     for axis in range(first, end):
         twist = np.zeros(6)
         twist[axis] = 1.0
-        rates, _ = _least_squares(jacobian, twist, still, DAMPING, ROTATION_LENGTH)
+        rates, _ = _least_squares(jacobian, twist, still, DAMPING)
         squared += rates * rates
     for joint in range(acceleration.size):
         possible = acceleration[joint] / max(math.sqrt(squared[joint]), 1e-12)
