@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PoseStamped
 import numpy as np
+from pinocchio import Quaternion
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -133,11 +134,6 @@ def _outcome(servo: Supervisor, duration: float) -> dict[str, Any]:
             'force_max': servo.statistics.force_max}
 
 
-def edge_feedback_to_msg(status: ServoStatus) -> TrackEdge.Feedback:
-    """Convert a ServoStatus message to TrackEdge feedback."""
-    return _feedback(status, TrackEdge.Feedback())
-
-
 def _feedback(status: ServoStatus, message: Any) -> Any:
     """Fill the fields of feedback that a status has too."""
     for name in message.get_fields_and_field_types():
@@ -171,31 +167,14 @@ def surface_result_to_msg(servo: Supervisor, duration: float,
 
 
 def touch_to_msg(touch: Touch, base_frame: str) -> PoseStamped:
-    """Convert a Touch to a PoseStamped message with z along the outward normal."""
-    message = PoseStamped(pose=pose_to_msg(_facing(touch.point, -touch.normal)))
+    """Convert a Touch to a PoseStamped: z along the outward normal, by the smallest rotation."""
+    pose = np.eye(4)
+    pose[:3, :3] = Quaternion.FromTwoVectors(pose[2, :3], -touch.normal).toRotationMatrix()
+    pose[:3, 3] = touch.point
+    message = PoseStamped(pose=pose_to_msg(pose))
     set_stamp(message.header.stamp, touch.stamp_ns)
     message.header.frame_id = base_frame
     return message
-
-
-def _facing(point: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Return the pose (4, 4) at a point with z along a unit vector, by the smallest rotation."""
-    pose = np.eye(4)
-    side = np.cross([0.0, 0.0, 1.0], axis)
-    cosine = axis[2]
-    if cosine < -1.0 + 1e-9:
-        pose[:3, :3] = np.diag([1.0, -1.0, -1.0])
-    else:
-        cross = np.cross(side, np.eye(3)).T
-        pose[:3, :3] += cross + cross @ cross / (1.0 + cosine)
-    pose[:3, 3] = point
-    return pose
-
-
-def surface_feedback_to_msg(status: ServoStatus) -> TrackSurface.Feedback:
-    """Convert a ServoStatus message to TrackSurface feedback."""
-    return _feedback(status, TrackSurface.Feedback(contact_error=Point(
-        x=status.lateral_error, y=status.longitudinal_error)))
 
 
 class Action(NamedTuple):
@@ -210,9 +189,12 @@ class Action(NamedTuple):
 # Keys: names of the actions in the registry of laws.
 ACTIONS = {
     'track_edge': Action(
-        TrackEdge, edge_goal_from_msg, edge_result_to_msg, edge_feedback_to_msg),
+        TrackEdge, edge_goal_from_msg, edge_result_to_msg,
+        lambda status: _feedback(status, TrackEdge.Feedback())),
     'track_surface': Action(
-        TrackSurface, surface_goal_from_msg, surface_result_to_msg, surface_feedback_to_msg)}
+        TrackSurface, surface_goal_from_msg, surface_result_to_msg,
+        lambda status: _feedback(status, TrackSurface.Feedback(contact_error=Point(
+            x=status.lateral_error, y=status.longitudinal_error))))}
 
 
 def journal_to_msg(journal: Journal, now_ns: int, frame: str) -> ServoCalls:
