@@ -1,5 +1,6 @@
 """Servo node: computes joint trajectories from images, contacts and joint states (chapter 5)."""
 
+from collections.abc import Callable, Sequence
 from time import perf_counter, thread_time, time_ns
 from typing import Any
 
@@ -7,6 +8,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
@@ -36,14 +38,19 @@ from tactile_servo.journal import Call
 from tactile_servo.law import Teachable
 from tactile_servo.laws.registry import law_named, LAWS
 from tactile_servo.nodes.goal_server import GoalServer
-from tactile_servo.nodes.graph_guard import GraphGuard
 from tactile_servo.nodes.pace import Pace, StatusTiming
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.robot_config import NodeConfig, robot_of
 from tactile_servo.supervisor import Supervisor
 from tactile_servo.types import State
 
+try:
+    from control_msgs.msg import JointTrajectoryControllerState
+except ImportError:  # then only the robot's motion shows whether it follows commands
+    JointTrajectoryControllerState = None
+
 GUARD_PERIOD = 0.1  # s between checks of the graph
+SILENT = 0.2  # s without a state, after which a controller that published states is not active
 JOURNAL_LENGTH = 50  # calls in a message: about 10 cycles
 _NEWEST = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
 
@@ -105,15 +112,13 @@ class EdgeServoNode(TactileNode):
                                   self._model.root_frame, self._check_surroundings)
         self._timer = self.create_timer(self._pace.period, self._on_timer, clock=self.steady)
         # Time of the node's clock; for the system clock, time_ns is several times faster.
-        self._now_ns = self._simulated_ns if self.get_parameter('use_sim_time').value else time_ns
+        self._now_ns = time_ns if not self.get_parameter('use_sim_time').value else (
+            lambda: self.get_clock().now().nanoseconds)
         self._guard = GraphGuard(
             self, ('image', 'contact', '/joint_states', self._trajectory.topic),
             config.shared_topics, config.controller, self._on_reference)
         self.create_timer(GUARD_PERIOD, self._check_surroundings, clock=self.steady)
         self.add_on_set_parameters_callback(_keep_the_clock)
-
-    def _simulated_ns(self) -> int:
-        return self.get_clock().now().nanoseconds
 
     def _check_surroundings(self) -> None:
         wrist, servo = self._wrist, self._servo
@@ -289,6 +294,42 @@ class EdgeServoNode(TactileNode):
             if self.context.ok():
                 self._publish_calls(self._now_ns())
         super().destroy_node()
+
+
+class GraphGuard:
+    """
+    Checks that no topic has a second publisher, and that the robot's controller is active.
+
+    The state of the `controller` is subscribed to if control_msgs is installed; `see_reference`
+    then receives the positions that it commands at its stamp. Topics in `shared` may have several
+    publishers.
+    """
+
+    def __init__(self, node: Node, topics: Sequence[str], shared: Sequence[str],
+                 controller: str, see_reference: Callable[[JointState], None]):
+        self._node, self._see_reference = node, see_reference
+        self._topics = sorted({*map(node.resolve_topic_name, topics)}
+                              - {*map(node.resolve_topic_name, shared)})
+        self._state_arrival: float | None = None  # steady time of the controller's last state [s]
+        if JointTrajectoryControllerState is not None:
+            node.create_subscription(
+                JointTrajectoryControllerState, f'{controller}/controller_state', self._on_state,
+                qos_profile_sensor_data)
+
+    def _on_state(self, msg: Any) -> None:
+        self._state_arrival = perf_counter()
+        self._see_reference(JointState(
+            header=msg.header, name=msg.joint_names, position=msg.reference.positions))
+
+    def problem(self) -> Reason | None:
+        """Return what is wrong now, or None."""
+        for topic in self._topics:
+            count = self._node.count_publishers(topic)
+            if count > 1:
+                return Reason(ReasonCode.SEVERAL_PUBLISHERS, f'{topic} has {count}')
+        if self._state_arrival is not None and perf_counter() - self._state_arrival > SILENT:
+            return Reason(ReasonCode.CONTROLLER_INACTIVE, f'no state for {SILENT:g} s')
+        return None
 
 
 def _refuse_unknown(node: EdgeServoNode) -> None:
