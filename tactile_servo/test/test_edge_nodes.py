@@ -41,10 +41,10 @@ def test_a_corner_is_a_sharp_turn_and_a_curve_is_none(turn, found):
         return nodes_of(np.zeros((len(angles), 2)), 0.0,
                         np.column_stack([np.cos(angles), np.sin(angles)]))
     corner = np.where(np.arange(40) < 25, 3.0, 3.0 + turn)
-    first, last = sharpest_turn(leg_of(corner), 0.25)
-    assert (first, last) == ((12, 30) if found else (-1, -1))
-    assert sharpest_turn(leg_of(3.0 + np.linspace(0.0, turn, 40)), 0.25) == (-1, -1)
-    assert sharpest_turn(leg_of(corner)[20:30], 0.25) == (-1, -1)  # too short to tell
+    sharpest = sharpest_turn(leg_of(corner), 0.25)
+    assert sharpest == ((12, 30) if found else None)
+    assert sharpest_turn(leg_of(3.0 + np.linspace(0.0, turn, 40)), 0.25) is None
+    assert sharpest_turn(leg_of(corner)[20:30], 0.25) is None  # too short to tell
 
 
 def ring(radius=0.02, begin=0.0, end=6.7):
@@ -60,8 +60,8 @@ def test_a_path_closes_where_it_meets_its_start_the_same_way():
     assert nodes['station'][k] == pytest.approx(0.104 + 2 * np.pi * 0.02, abs=STEP)
     against = nodes.copy()
     against['way'][k - 3:] *= -1.0
-    assert closing_node(against, 0.2, 0.104, 1.2e-3) == -1
-    assert closing_node(ring(end=6.0), 0.2, 0.104, 1.2e-3) == -1
-    assert closing_node(nodes, 9.0, 0.104, 1.2e-3) == -1  # nothing is ahead
+    assert closing_node(against, 0.2, 0.104, 1.2e-3) is None
+    assert closing_node(ring(end=6.0), 0.2, 0.104, 1.2e-3) is None
+    assert closing_node(nodes, 9.0, 0.104, 1.2e-3) is None  # nothing is ahead
     # The very last node may only be passing by.
-    assert closing_node(nodes[:k + 1], 0.2, 0.104, 1.2e-3) == -1
+    assert closing_node(nodes[:k + 1], 0.2, 0.104, 1.2e-3) is None

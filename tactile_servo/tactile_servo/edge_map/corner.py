@@ -15,6 +15,8 @@ LEAST_TURN = math.radians(18.0)
 MEMORY = 40.0  # number of images in the average
 WORST_FIT = 4.0  # largest chi-square per tactel
 
+# In grains, see `PadScale`, from the vertex: a leg within both enters the corner.
+ZONE_BEHIND, ZONE_ASIDE = 1.0, 1.25
 # In skin depths:
 SHARP = 0.175  # radius below which a corner counts as sharp
 BLURRED = 2.0  # distance beyond the fillet in which the skin blurs the legs
@@ -258,10 +260,13 @@ class Corner:
         """Distance from the vertex within which the corner replaces the traced edge [m]."""
         return self.shape.setback + BLURRED * self.depth
 
-    @property
-    def zone(self) -> tuple[float, float, float, float]:
-        """Zone in which a leg reaches the corner, values of a ZONE."""
-        return self.shape.x, self.shape.y, self.reach, self.shape.first
+    def entered(self, leg: np.ndarray, grain: float) -> np.ndarray:
+        """Return which nodes (N,) of a leg are where it enters the corner."""
+        x, y = (leg['place'] - self.shape.vertex).T
+        cos, sin = math.cos(self.shape.first), math.sin(self.shape.first)
+        along, aside = cos * x + sin * y, np.abs(cos * y - sin * x)
+        return ((-self.reach < along) & (along < ZONE_BEHIND * grain)
+                & (aside < ZONE_ASIDE * grain))
 
     def nodes(self) -> np.ndarray:
         """Return the path through the corner: NODE (M,), all at height 0."""

@@ -9,9 +9,8 @@ import numpy as np
 from tactile_sensing.types.image import TactileImage
 from tactile_servo.edge_map import path_queries
 from tactile_servo.edge_map.corner import Corner
-from tactile_servo.edge_map.path import nodes_from
 from tactile_servo.edge_map.picture import PadScale, Picture, read_picture
-from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of, retyped
+from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of
 from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
 from tactile_servo.edge_map.tracing import local_line, nearest_line, on_path
 from tactile_servo.edge_map.yaw_error import YawError
@@ -155,9 +154,15 @@ class EdgeMap:
         self._counts = [*kept, len(seen)]
 
     def _take_near(self) -> None:
-        path, behind = self.path, BEHIND * self.scale.half
-        self._near = retyped(nodes_from(path.nodes, self.station - behind, behind,
-                                        path.open_start, path.end is PathEnd.VIEW))
+        """Take the nodes around the pad; an open start or end continues straight."""
+        path, reach = self.path, BEHIND * self.scale.half
+        begin = path.nodes['station'].searchsorted(self.station - reach, side='right')
+        near = [path.nodes[min(begin, len(path.nodes) - 1):]]
+        if path.open_start and begin == 0:
+            near.insert(0, _shifted(path.nodes[:1], -reach))
+        if path.end is PathEnd.VIEW:
+            near.append(_shifted(path.nodes[-1:], reach))
+        self._near = joined(near)
 
     def way_in_base(self, x: float, y: float) -> list[float]:
         """Transform a direction x, y of the plane to the base frame (3,)."""
@@ -228,3 +233,11 @@ class EdgeMap:
             if corner.entry <= station <= corner.leave:
                 return corner
         return None
+
+
+def _shifted(node: np.ndarray, distance: float) -> np.ndarray:
+    """Return a node (1,) moved by a distance in its direction [m]."""
+    moved = node.copy()
+    moved['place'] += distance * moved['way']
+    moved['material'] = 1.0
+    return moved

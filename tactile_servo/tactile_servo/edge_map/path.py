@@ -1,36 +1,34 @@
-"""Geometry of a path: legs, headings, sharpest turn, closing node and nodes near the pad."""
-
-import math
-from typing import Any
+"""Geometry of a path: legs, their sharpest turns and their ends, and where a path closes."""
 
 import numpy as np
 
-from tactile_common.kernels import njit
-from tactile_servo.edge_map.records import NODE, Record, Records
-from tactile_servo.edge_map.tracing import STEP, trace
+from tactile_servo.edge_map.corner import CornerShape, guess, LEAST_TURN
+from tactile_servo.edge_map.picture import PadScale
+from tactile_servo.edge_map.records import joined, nodes_of
+from tactile_servo.edge_map.tracing import local_line, STEP
 
+TURN = 2.0 * np.pi
 NEAR_TURN, FAR_TURN = 4, 9  # nodes on each side over which a turn is measured
 SHARPNESS = 0.58  # least share of the far nodes' turn within the near nodes, for a corner
 VISIBLE_BEND = 0.6  # largest curvature that is visible through the skin, per depth
-BLUR = 0.6  # distance by which a ridge is inside of a curve, times its radius over depth^2
+BEND_NODES = 5  # nodes on each side over which a curvature is measured
 MEETING = 0.8  # least cosine between the directions of a contour's end and start where it closes
-ZONE_BEHIND, ZONE_ASIDE = 1.0, 1.25  # grains from a vertex: a leg within both is in its zone
-# Vertex of a corner in the plane, reach before it [m], and direction of its first leg [rad].
-ZONE = np.dtype([(name, np.float64) for name in ('x', 'y', 'reach', 'way')])
+
+# The end of a leg: it fades, continues beyond a gap, or turns into another leg.
+TIP = 8  # number of nodes over which a ridge fades at its end
+FEWEST = 3  # least number of points of another leg
+FADED = 0.5  # pressure at the end of a line load, as a share of that along it
+GAP_REACH = 18.0 / 12.7  # longest gap that the pad spans from corner to corner, in half pads
+GAP_ASIDE, GAP_SPREAD = 0.4, 0.08  # largest deviation beyond a gap: grains, and share of the gap
+STRAIGHT_ON = 0.92  # least cosine between the directions of a ridge before and beyond a gap
+GUESSED = 0.8  # share of LEAST_TURN above which a turn is guessed to be a corner
+LEG_END = 10  # nodes before the end of a leg, where its direction is reliable
+OWN_NODES = 30  # nodes at the end of a leg that are compared with the points of another leg
+# In grains, see `PadScale`:
+BRANCH_REACH = 3.0  # distance from the end of a ridge within which another leg is searched
+OFF_LEG = 0.65  # distance from the path beyond which a point belongs to another leg
 
 
-@njit(cache=True)
-def headings(nodes: np.ndarray) -> np.ndarray:
-    """Return the unwrapped angles (N,) of the directions of nodes [rad]."""
-    angles = np.empty(len(nodes))
-    for k in range(len(nodes)):
-        angles[k] = math.atan2(nodes[k].ty, nodes[k].tx)
-        if k:  # subtract whole turns exactly, so that equal turns stay equal
-            angles[k] -= 2.0 * math.pi * np.rint((angles[k] - angles[k - 1]) / (2.0 * math.pi))
-    return angles
-
-
-@njit(cache=True)
 def unblurred(leg: np.ndarray, blur: float, step: float, depth: float) -> np.ndarray:
     """
     Move the nodes of a curve outwards to the edge: the blur of the skin moves the ridge inwards.
@@ -38,133 +36,143 @@ def unblurred(leg: np.ndarray, blur: float, step: float, depth: float) -> np.nda
     The nodes (N,) are one `step` [m] apart, the tactels are `depth` [m] deep. `blur` is the
     distance by which the ridge is inside of a curve, times the radius of the curve [m^2].
     """
-    count = len(leg)
-    moved = leg.copy()
+    count, moved = len(leg), leg.copy()
     if count < 6:
         return moved
-    most = VISIBLE_BEND / depth
-    angles, span = headings(leg), min(5, (count - 1) // 2)
-    for k in range(count):
-        middle = min(max(k, span), count - 1 - span)
-        curvature = (angles[middle + span] - angles[middle - span]) / (2 * span * step)
-        curvature = min(max(curvature, -most), most)
-        moved[k].x += blur * curvature * leg[k].ty
-        moved[k].y -= blur * curvature * leg[k].tx
+    angles, span, most = headings(leg), min(BEND_NODES, (count - 1) // 2), VISIBLE_BEND / depth
+    bend = np.empty(count)
+    bend[span:-span] = (angles[2 * span:] - angles[:-2 * span]) / (2 * span * step)
+    bend[:span], bend[-span:] = bend[span], bend[-span - 1]
+    out = blur * np.minimum(np.maximum(bend, -most), most)
+    moved['x'] += out * leg['ty']
+    moved['y'] -= out * leg['tx']
     return moved
 
 
-@njit(cache=True)
-def sharpest_turn(leg: np.ndarray, least: float) -> tuple[int, int]:
+def headings(nodes: np.ndarray) -> np.ndarray:
+    """Return the unwrapped angles (N,) of the directions of nodes [rad]."""
+    angles = np.arctan2(nodes['ty'], nodes['tx'])  # np.unwrap takes twice the time
+    angles[1:] -= TURN * np.cumsum(np.rint((angles[1:] - angles[:-1]) / TURN))
+    return angles
+
+
+def sharpest_turn(leg: np.ndarray, least: float) -> tuple[int, int] | None:
     """
-    Return the indices of the nodes before and after the sharpest turn of a leg (N,), or -1, -1.
+    Return the indices of the nodes before and after the sharpest turn of a leg (N,).
 
     There is none if the leg turns by less than `least` [rad] or as evenly as a curve.
     """
     count = len(leg)
     if count <= 2 * NEAR_TURN + 2:
-        return -1, -1
+        return None
     angles = headings(leg)
-    largest, middle = -1.0, 0
-    for k in range(NEAR_TURN, count - NEAR_TURN):
-        turn = abs(angles[k + NEAR_TURN] - angles[k - NEAR_TURN])
-        if turn > largest:
-            largest, middle = turn, k
+    turns = np.abs(angles[2 * NEAR_TURN:] - angles[:-2 * NEAR_TURN])
+    middle = NEAR_TURN + int(turns.argmax())
     first, last = max(middle - FAR_TURN, 0), min(middle + FAR_TURN, count - 1)
-    if largest < least or largest < SHARPNESS * abs(angles[last] - angles[first]):
-        return -1, -1
-    return first, last
+    even = SHARPNESS * abs(angles[last] - angles[first])
+    return None if turns.max() < max(least, even) else (first, last)
 
 
-@njit(cache=True)
 def measure(nodes: np.ndarray, begin: int) -> None:
     """Set the stations of nodes (N,) from index `begin` > 0 on."""
-    for k in range(begin, len(nodes)):
-        x, y = nodes[k].x - nodes[k - 1].x, nodes[k].y - nodes[k - 1].y
-        nodes[k].station = nodes[k - 1].station + math.sqrt(x * x + y * y)
+    last = begin - 1
+    x, y = nodes['x'][last:], nodes['y'][last:]
+    x, y = x[1:] - x[:-1], y[1:] - y[:-1]
+    nodes['station'][begin:] = nodes['station'][last] + np.cumsum(np.sqrt(x * x + y * y))
 
 
-@njit(cache=True)
-def with_leg(nodes: np.ndarray, cloud: np.ndarray, zones: np.ndarray, length: float, grain: float,
-             depth: float) -> tuple[np.ndarray, int]:
+def closing_node(nodes: np.ndarray, station: float, begin: float, reach: float) -> int | None:
     """
-    Extend nodes (N,) along the ridge, up to the zone of the first corner.
-
-    Returns the nodes with those of the leg, at most `length` [m] long and corrected for the blur,
-    and the index of the zone in ZONE (K,) that the leg enters, or -1.
-    """
-    count, zone = len(nodes), -1
-    traced = trace(cloud, nodes[count - 1:], length, grain)
-    leg = np.empty(1 + len(traced), NODE)
-    leg[0], leg[1:] = nodes[count - 1], traced
-    cut = len(traced)
-    for k in range(len(zones)):
-        first = entry_node(leg, zones[k], grain)
-        if first >= 0 and (zone < 0 or first - 1 < cut):
-            zone, cut = k, max(first - 1, 0)
-    grown = np.empty(count + cut, NODE)
-    grown[:count] = nodes
-    grown[count:] = unblurred(leg[:cut + 1], BLUR * depth * depth, STEP * grain, depth)[1:]
-    measure(grown, count)
-    return grown, zone
-
-
-@njit(cache=True)
-def entry_node(leg: np.ndarray, zone: Record, grain: float) -> int:
-    """Return the index of the first node of a leg in the zone of a corner, or -1."""
-    cos, sin = math.cos(zone.way), math.sin(zone.way)
-    for k in range(len(leg)):
-        dx, dy = leg[k].x - zone.x, leg[k].y - zone.y
-        along = cos * dx + sin * dy
-        if (-zone.reach < along < ZONE_BEHIND * grain
-                and abs(cos * dy - sin * dx) < ZONE_ASIDE * grain):
-            return k
-    return -1
-
-
-@njit(cache=True)
-def closing_node(nodes: Records, station: float, begin: float, reach: float) -> int:
-    """
-    Return the index of the node at which the path meets its start, or -1.
+    Return the index of the node at which the path meets its start, or None.
 
     Only nodes beyond `station` [m] and within `reach` [m] of the start are considered. The start
     is the node at the station `begin`, from which on the path is accurate.
     """
-    start = nodes[min(np.searchsorted(nodes.station, begin), len(nodes) - 1)]
-    nearest, best = np.inf, -1
-    for k in range(len(nodes)):
-        if nodes[k].station > station:
-            gap = math.hypot(nodes[k].x - start.x, nodes[k].y - start.y)
-            if gap < nearest:
-                nearest, best = gap, k
-    if nearest > reach or best == len(nodes) - 1:
-        return -1
-    same_way = nodes[best].tx * start.tx + nodes[best].ty * start.ty
-    return best if same_way >= MEETING else -1
+    stations, last = nodes['station'], len(nodes) - 1
+    start = nodes[min(int(stations.searchsorted(begin)), last)]
+    gaps = np.hypot(*(nodes['place'] - start['place']).T)
+    gaps[stations <= station] = np.inf
+    k = int(gaps.argmin())
+    met = gaps[k] <= reach and k != last and nodes['way'][k] @ start['way'] >= MEETING
+    return k if met else None
 
 
-@njit(cache=True)
-def nodes_from(nodes: Records, station: float, reach: float, open_start: bool,
-               open_end: bool) -> np.ndarray:
+def led_on(nodes: np.ndarray, reach: float) -> np.ndarray:
+    """Extend a path straight beyond the end of its ridge, by a last node without material."""
+    # Single nodes are uncertain where a ridge fades: use means of several.
+    tail, last = nodes[-2 * TIP:]['place'], nodes[-1:]
+    half = len(tail) // 2
+    middle, way = tail[half:].mean(axis=0), last['way'][0]
+    if half:
+        chord = middle - tail[:half].mean(axis=0)
+        size = np.hypot(*chord)
+        way = chord / size if size > 0.0 else way
+    there = middle + (reach + (last['place'][0] - middle) @ way) * way
+    return joined([nodes, nodes_of(there, last['z'], way, 0.0)])
+
+
+def faded(leg: np.ndarray, height: float) -> int:
     """
-    Return nodes (M,) from a station on, with open start and end extended straight by `reach` [m].
+    Count the nodes at the end of a ridge that exist only because of the blur.
 
-    The start is extended only if it is among these nodes. The last node is always included.
+    `leg` is an ndarray (N,) of NODE, `height` that of the pad's surface [m].
     """
-    first: Any = min(np.searchsorted(nodes.station, station, side='right'), len(nodes) - 1)
-    before = 1 if open_start and first == 0 else 0
-    count = len(nodes) - first
-    near = np.empty(before + count + (1 if open_end else 0), NODE)
-    near[before:before + count] = nodes[first:]
-    if before:
-        _lead_on(near, 0, 1, -reach)
-    if open_end:
-        _lead_on(near, len(near) - 1, len(near) - 2, reach)
-    return near
+    if len(leg) < 3 * TIP:
+        return 0
+    indentation = height - leg['z'][-3 * TIP:]
+    faint = indentation < FADED * np.median(indentation[:2 * TIP])
+    return int(faint[::-1].argmin()) if not faint.all() else 0
 
 
-@njit(cache=True)
-def _lead_on(nodes: np.ndarray, k: int, last: int, distance: float) -> None:
-    nodes[k] = nodes[last]
-    nodes[k].x += distance * nodes[last].tx
-    nodes[k].y += distance * nodes[last].ty
-    nodes[k].material = 1.0
+def way_over_gap(cloud: np.ndarray, last: np.ndarray, scale: PadScale) -> np.ndarray | None:
+    """
+    Return nodes across a gap, from the end of a ridge to its continuation ahead, or None.
+
+    `cloud` is an ndarray of CLOUD_POINT, `last` an ndarray (1,) of NODE.
+    """
+    step, (here,), (way,) = STEP * scale.grain, last['place'], last['way']
+    relative = cloud['place'] - here
+    ahead, aside = relative @ way, np.abs(relative @ [-way[1], way[0]])
+    on = ((ahead > 2.0 * step) & (ahead < GAP_REACH * scale.half)
+          & (aside < GAP_ASIDE * scale.grain + GAP_SPREAD * ahead)
+          & (np.abs(cloud['way'] @ way) > STRAIGHT_ON))
+    if on.sum() < FEWEST:
+        return None
+    nearest = cloud['place'][on][ahead[on].argmin()]
+    line = local_line(cloud, *nearest, *way, scale.grain)
+    if not line.support:
+        return None
+    there = np.array([line.x, line.y])
+    count = max(int(np.hypot(*(there - here)) / step), 1)
+    share = np.linspace(0.0, 1.0, count + 1)[1:]
+    height = last['z'] + share * (line.z - last['z'])
+    return nodes_of(here + share[:, None] * (there - here), height, (line.tx, line.ty), 0.0)
+
+
+def sharp_turn(leg: np.ndarray, depth: float) -> CornerShape | None:
+    """Guess a corner at the sharpest turn of a leg; return None if it is a curve."""
+    turn = sharpest_turn(leg, GUESSED * LEAST_TURN)
+    if turn is None:
+        return None
+    (first, last), place, way = turn, leg['place'], leg['way']
+    return guess(place[first], way[first], place[last], way[last], depth)
+
+
+def acute_turn(cloud: np.ndarray, leg: np.ndarray, scale: PadScale) -> CornerShape | None:
+    """Guess an acute corner, from another leg that begins at the end of this one."""
+    if len(leg) < TIP:
+        return None
+    last = leg['place'][-1]
+    close = np.linalg.norm(cloud['place'] - last, axis=1) < BRANCH_REACH * scale.grain
+    cloud = cloud[close]
+    gaps = np.linalg.norm(cloud['place'][:, None] - leg['place'][None, -OWN_NODES:], axis=2)
+    others = cloud[gaps.min(axis=1) > OFF_LEG * scale.grain]
+    if len(others) < FEWEST:
+        return None
+    centre, way = others['place'].mean(axis=0), others['way']
+    way = (way * np.sign(way @ way[0])[:, None]).mean(axis=0)
+    way /= np.linalg.norm(way)
+    if way @ (centre - last) < 0.0:
+        way = -way
+    before = max(len(leg) - LEG_END, 0)
+    return guess(leg['place'][before], leg['way'][before], centre, way, scale.depth)

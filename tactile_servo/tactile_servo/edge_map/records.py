@@ -27,10 +27,9 @@ CLOUD_POINT = _record('weight')
 # Node of a path. Its direction is that of travel; station: distance along the path [m]; material:
 # 1 if there is an edge between the previous node and this one, otherwise 0.
 NODE = _record('station', 'material')
-# Arrays (np.ndarray) and elements (np.void) of records, for kernels that access fields as
-# attributes: numba supports this, but the types of numpy do not.
+# Arrays (np.ndarray) of records, for kernels that access fields as attributes: numba supports
+# this, but the types of numpy do not.
 Records = Any
-Record = Any
 
 
 class LocalLine(NamedTuple):
@@ -50,11 +49,6 @@ def joined(parts: Sequence[np.ndarray], kind: np.dtype = NODE) -> np.ndarray:
     # result has the identical type object, because numba dispatches an equal copy more slowly.
     whole = bytearray().join(parts)  # type: ignore[arg-type]  # typed as buffers in 3.12
     return np.ndarray(len(whole) // kind.itemsize, kind, whole)
-
-
-def retyped(records: np.ndarray, kind: np.dtype = NODE) -> np.ndarray:
-    """Return a kernel's records with the identical type object, see `joined`."""
-    return np.ndarray(len(records), kind, records)
 
 
 def nodes_of(place: ArrayLike, z: ArrayLike, way: ArrayLike, material: float = 1.0) -> np.ndarray:

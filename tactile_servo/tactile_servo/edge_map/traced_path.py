@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_servo.edge_map import ends
+from tactile_servo.edge_map import path
 from tactile_servo.edge_map.corner import Corner, CornerShape, fit, shown
-from tactile_servo.edge_map.ends import TIP
-from tactile_servo.edge_map.path import closing_node, FAR_TURN, measure, with_leg, ZONE
+from tactile_servo.edge_map.path import FAR_TURN, measure, TIP
 from tactile_servo.edge_map.picture import Picture
-from tactile_servo.edge_map.records import joined, retyped
+from tactile_servo.edge_map.records import joined
 from tactile_servo.edge_map.tracing import STEP, trace
 
 DENIALS = 3  # successive images without a corner after which it is removed
 PAST_CORNER = 11.0  # depths ahead of the pad that are traced at least: through a corner
+BLUR = 0.6  # distance by which a ridge is inside of a curve, times its radius over depth^2
 
 # Distances in grains, the resolution, see `PadScale`:
 SEEN_BORDER = 1.65  # from the pad's border, within which a ridge seems to end
@@ -111,7 +111,7 @@ class TracedPath:
         self.tip = stations.item(-1)
         self._close(station)
         if self.end is PathEnd.RIDGE:
-            self.nodes = ends.led_on(self.nodes, BEHIND * self.scale.half)
+            self.nodes = path.led_on(self.nodes, BEHIND * self.scale.half)
             measure(self.nodes, len(self.nodes) - 1)
 
     def _trace_on(self, cloud: np.ndarray, picture: Picture, head: np.ndarray,
@@ -121,15 +121,13 @@ class TracedPath:
         self.end = PathEnd.VIEW
         while left > 0.0:
             first = len(nodes)
-            zones = np.array([corner.zone for corner in corners], ZONE)
-            grown, entered = with_leg(nodes, cloud, zones, left, self.scale.grain,
-                                      self.scale.depth)
-            nodes = retyped(grown)
-            if len(nodes) > first:
+            leg, corner = self._leg(cloud, nodes[-1:], left, corners)
+            nodes = joined([nodes, leg])
+            if len(leg):
                 pieces.append(PathPart(first))
-            left -= (len(nodes) - first) * self._step
+            left -= len(leg) * self._step
             last, first = nodes[-1:], len(nodes)
-            if entered < 0:
+            if corner is None:
                 jump = self._jump(cloud, picture, last) if left > 0.0 else None
                 if jump is None:
                     break
@@ -137,7 +135,7 @@ class TracedPath:
                 left -= np.hypot(*(jump['place'][-1] - jump['place'][0]))
                 nodes = joined([nodes, jump])
             else:
-                corner = corners.pop(entered)
+                corners.remove(corner)
                 turn = corner.nodes()
                 # A part of a corner that is found late is behind: the path must not turn back.
                 ahead = (turn['place'] - last['place']) @ last['way'][0] > 0.0
@@ -146,10 +144,24 @@ class TracedPath:
                 pieces.append(PathPart(first, corner))
                 left -= 2.0 * corner.reach
                 nodes = joined([nodes, turn])
-            measure(nodes, first)
+        measure(nodes, len(head))
         if self.end is PathEnd.RIDGE and pieces:
             nodes = self._trimmed(nodes, pieces, picture.height)
         return nodes, pieces
+
+    def _leg(self, cloud: np.ndarray, last: np.ndarray, length: float,
+             corners: list[Corner]) -> tuple[np.ndarray, Corner | None]:
+        """Trace a leg from a node (1,) up to the first corner; return its nodes and the corner."""
+        scale = self.scale
+        leg = joined([last, trace(cloud, last, length, scale.grain)])
+        end, entered = len(leg), None
+        for corner in corners:
+            inside = corner.entered(leg, scale.grain)
+            first = int(inside.argmax())
+            if inside[first] and (entered is None or first < end):
+                end, entered = max(first, 1), corner
+        leg = path.unblurred(leg[:end], BLUR * scale.depth**2, self._step, scale.depth)
+        return leg[1:], entered
 
     def _to_come(self, station: float) -> list[Corner]:
         """Return all corners except those just passed: on a contour, old ones come again."""
@@ -162,7 +174,7 @@ class TracedPath:
         ahead = (x - picture.x) * tx + (y - picture.y) * ty > 0.0  # of the pad's centre
         if ahead and not picture.covers(x, y, SEEN_BORDER * self.scale.grain):
             return None
-        jump = ends.way_over_gap(cloud, last, self.scale)
+        jump = path.way_over_gap(cloud, last, self.scale)
         self.end = PathEnd.RIDGE if jump is None else PathEnd.VIEW
         return jump
 
@@ -170,7 +182,7 @@ class TracedPath:
     def _trimmed(nodes: np.ndarray, pieces: list[PathPart], height: float) -> np.ndarray:
         """Remove the faded tip of a ridge that ends."""
         kept = pieces[0].first
-        count = ends.faded(nodes[max(kept - 3 * TIP, 0):], height)
+        count = path.faded(nodes[max(kept - 3 * TIP, 0):], height)
         nodes = nodes[:max(len(nodes) - count, kept)]
         while pieces and pieces[-1].first >= len(nodes):
             pieces.pop()
@@ -183,9 +195,9 @@ class TracedPath:
             return False
         behind = pieces[-2].first if len(pieces) > 1 else 0
         leg = nodes[max(pieces[-1].first - FAR_TURN, behind):]
-        guesses = [ends.sharp_turn(leg, self.scale.depth)]
+        guesses = [path.sharp_turn(leg, self.scale.depth)]
         if self.end is PathEnd.RIDGE:
-            guesses.append(ends.acute_turn(cloud, leg, self.scale))
+            guesses.append(path.acute_turn(cloud, leg, self.scale))
         for shape in guesses:
             if shape is None or any(self._apart(shape, other) < SAME_CORNER * self.scale.grain
                                     for other in self.corners):
@@ -228,8 +240,8 @@ class TracedPath:
         # Before its beginning the path was seen from one place only, and not for long enough.
         stations, unsure = self.nodes['station'], UNSURE_START * self.scale.grain
         begin = max(stations.item(0), self.began) + unsure
-        k = closing_node(self.nodes, station, begin, CLOSING * self.scale.grain)
-        if k < 0:
+        k = path.closing_node(self.nodes, station, begin, CLOSING * self.scale.grain)
+        if k is None:
             return
         again = (stations >= begin) & (stations < begin + BEHIND * self.scale.half)
         self.closing = float(stations[k] - unsure)  # where the pad began
