@@ -133,6 +133,7 @@ class Rows:
     """A bag of three messages, at 0, 1 and 2 s; the last cannot be read if it is damaged."""
 
     span = (0, 2 * NS)
+    readable = GraphBag.readable
 
     def __init__(self, damaged=False):
         self._damaged = damaged
@@ -185,7 +186,7 @@ def test_a_pause_stops_time_and_messages_and_nothing_is_lost():
 def test_a_damaged_bag_ends_where_it_is_damaged(loop):
     playback = Playback(Rows(damaged=True), ['/a'], loop=loop)
     assert [number for _, number in played(playback, 10.0)] == [0, 1]
-    assert playback.finished and playback.fault == 'damaged'
+    assert playback.finished and playback.faults == ['damaged']
 
 
 @pytest.mark.graph
@@ -251,5 +252,5 @@ def test_a_bag_that_cannot_be_read_on_is_played_up_to_there(playing, monkeypatch
     monkeypatch.setattr(Bag, 'messages', cut)
     it = playing(loop=True)
     it.spin(lambda: it.player.playback.finished)
-    assert it.player.playback.fault == 'it ends here'
+    assert it.player.playback.faults == ['it ends here']
     it.spin(lambda: it.listener.contacts)

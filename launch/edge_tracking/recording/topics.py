@@ -1,4 +1,5 @@
 """Topics of the graph, and how to identify them in a recording."""
+from collections.abc import Callable, Collection, Iterator
 from os import PathLike
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -12,7 +13,7 @@ from visualization_msgs.msg import MarkerArray
 
 from edge_tracking.resources import NAMESPACE
 from tactile_common.errors import ConfigurationError
-from tactile_common.ros.bag_reader import Bag
+from tactile_common.ros.bag_reader import Bag, Recorded
 from tactile_common.ros.message_definitions import type_name
 from tactile_msgs.msg import (
     Contact,
@@ -92,6 +93,14 @@ class GraphBag(Bag):
         self.topic = {name: topic for topic, name in named
                       if self.topics.get(topic) == type_name(KINDS[name]) and self.count(topic)}
         self.name = {topic: name for name, topic in self.topic.items()}
+
+    def readable(self, topics: Collection[str], fault: Callable[[str], None]
+                 ) -> Iterator[Recorded]:
+        """Yield the messages that can be read; `fault` gets the reason if there are others."""
+        try:
+            yield from self.messages(topics)
+        except ConfigurationError as error:
+            fault(str(error))
 
     def require_touch(self) -> None:
         """Raise a ConfigurationError if there is neither an image nor a contact."""

@@ -1,6 +1,6 @@
 """Replay of one recording: input, comparison and result."""
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache, partial
@@ -29,7 +29,7 @@ from tactile_common.command_line import version_of_all
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.kernels import PACKAGES
 from tactile_common.progress import Progress, QUIET
-from tactile_common.ros.bag_reader import Bag, Recorded
+from tactile_common.ros.bag_reader import Recorded
 from tactile_common.ros.cdr import packed
 from tactile_common.ros.conversions import NS, stamp_to_ns
 from tactile_msgs.msg import Contact as ContactMsg
@@ -276,15 +276,8 @@ class Replay:
             topic for topic, name in self.bag.name.items() if name not in self._made}}
         wanted[self._reference] = wanted.get(self._reference, set()) | {
             self._reference.topic[name] for name in self._comparison.compared}
-        return merge(*(self._readable(*it) for it in wanted.items()),
-                     key=attrgetter('received_ns'))
-
-    def _readable(self, bag: Bag, wanted: Collection[str]) -> Iterator[Recorded]:
-        """Yield the readable messages of a bag; if there are unreadable ones, record a fault."""
-        try:
-            yield from bag.messages(wanted)
-        except ConfigurationError as error:
-            self.result.faults.append(str(error))
+        return merge(*(bag.readable(topics, self.result.faults.append)
+                       for bag, topics in wanted.items()), key=attrgetter('received_ns'))
 
 
 def replay_one(path: str | Path, options: Options, quiet: bool = False) -> Result:

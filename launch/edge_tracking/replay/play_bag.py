@@ -23,7 +23,7 @@ from edge_tracking.recording.topics import GraphBag, short_name, topics
 from edge_tracking.replay.one import OF_IMAGES, OF_SHAPE
 from tactile_common.command_line import between, Parser, refusing
 from tactile_common.errors import ConfigurationError
-from tactile_common.ros.bag_reader import Bag, Recorded
+from tactile_common.ros.bag_reader import Recorded
 from tactile_common.ros.conversions import NS, set_stamp
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.runner import run, split_ros_args
@@ -41,27 +41,20 @@ class Playback:
 
     The time `now_ns` of the recording stops while `paused`, and for `SETTLE` before the first
     message and after the last one. Nodes can then finish before a loop sets the time back, or the
-    player ends. `finished` is True if all readable messages have been played; `fault` says why no
+    player ends. `finished` is True if all readable messages have been played; `faults` say why no
     more can be read.
     """
 
-    def __init__(self, bag: Bag, topics: Collection[str], rate: float = 1.0, loop: bool = False,
-                 paused: bool = False):
+    def __init__(self, bag: GraphBag, topics: Collection[str], rate: float = 1.0,
+                 loop: bool = False, paused: bool = False):
         self._bag, self._topics, self._rate, self._loop = bag, topics, rate, loop
-        self.paused, self.finished, self.fault = paused, False, ''
+        self.paused, self.finished, self.faults = paused, False, list[str]()
         self._begin()
 
     def _begin(self) -> None:
         self.now_ns, self._settling = self._bag.span[0], SETTLE
-        self._rows = self._bag.messages(self._topics)
-        self._next = self._read()
-
-    def _read(self) -> Recorded | None:
-        try:
-            return next(self._rows, None)
-        except ConfigurationError as error:
-            self.fault = str(error)
-            return None
+        self._rows = self._bag.readable(self._topics, self.faults.append)
+        self._next = next(self._rows, None)
 
     def advance(self, elapsed: float) -> list[Recorded]:
         """Advance by an amount of real time [s]; return the messages that are due by then."""
@@ -71,7 +64,7 @@ class Playback:
             self._settling -= elapsed
             return []
         if self._next is None:
-            self.finished = not self._loop or bool(self.fault)
+            self.finished = not self._loop or bool(self.faults)
             if not self.finished:
                 self._begin()
             return []
@@ -79,7 +72,7 @@ class Playback:
         due = []
         while self._next is not None and self._next.received_ns <= self.now_ns:
             due.append(self._next)
-            self._next = self._read()
+            self._next = next(self._rows, None)
         self._settling = SETTLE if self._next is None else 0.0
         return due
 
@@ -159,8 +152,8 @@ def main(args: list[str] | None = None) -> int:
                                   options.wait_for, context=context)
 
             def status_of(node: PlayerNode) -> int:
-                if node.playback.fault:
-                    raise ConfigurationError(node.playback.fault)
+                if node.playback.faults:
+                    raise ConfigurationError(*node.playback.faults)
                 return 0
 
             command.status = run(play_bag, ros, attrgetter('playback.finished'),
