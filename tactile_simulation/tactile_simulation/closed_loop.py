@@ -114,7 +114,6 @@ class Simulation:
         start = self.model.inverse(scene.start_pose(), seed_positions)
         self.robot = MockController(self.model, start, plant, rate=1.0 / ROBOT_STEP)
         config = config or ServoConfig()
-        self._period = 1.0 / config.rate  # s
         self._every = max(1, round(config.rate / PICTURE_RATE))  # cycles between two images
         self.control_rate, self.sensor_rate = config.rate, config.rate / self._every
         self.servo = self.supervisor(
@@ -155,7 +154,7 @@ class Simulation:
     def step(self) -> Status:
         """Advance to the next control cycle and return its status."""
         self.tick += 1
-        self.now = 1.0 + self.tick * self._period
+        self.now = 1.0 + self.tick * (1.0 / self.control_rate)
         now_ns = round(self.now * 1e9)
         self._run_robot()
         self.pose = pose = self.model.pose(self.robot.measured(self.now)[0])

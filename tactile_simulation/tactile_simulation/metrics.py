@@ -58,8 +58,6 @@ def speeds(time: np.ndarray, positions: np.ndarray) -> np.ndarray:
 
 def accelerations(time: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Return the second difference (N - 2, n) [1/s^2] of positions (N, n) at N times [s]."""
-    if len(time) < 3:
-        return np.empty((0, positions.shape[1] if positions.ndim == 2 else 0))
     steps = np.diff(time)[:, None]
     velocities = np.diff(positions, axis=0) / np.where(steps > 0.0, steps, np.nan)
     return np.diff(velocities, axis=0) / (0.5 * (steps[1:] + steps[:-1]))
