@@ -7,17 +7,19 @@ import numpy as np
 from tactile_servo.clocks import CycleClock
 from tactile_servo.config import ServoConfig
 from tactile_servo.following import Driven
-from tactile_servo.hold import Hold, RESUME_WITHIN
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Assessment, Reference, ServoLaw
 from tactile_servo.motion.motion import Motion, MotionStep
 from tactile_servo.normal_way import NormalWay
 from tactile_servo.phases import (
     APPROACHING,
+    BINDING,
     HELD,
+    Hold,
     LIFTING,
     MOVING,
     Phase,
+    RESUME_WITHIN,
     STANDING,
     TimeLimits,
     TOUCHING,
@@ -92,7 +94,10 @@ class GoalRun:
             around if self.phase not in LIFTING else None) or self._standstill()
         if self.phase in HELD:
             self._unseen = self._lacking()
-            self.hold.see(self._why is None and self._unseen is None, self._now)
+            if self._why or self._unseen:
+                self.hold.well_since = None
+            elif self.hold.well_since is None:
+                self.hold.well_since = self._now
         for guard, following in _RULES_OF[self.phase]:
             if (reason := guard(self)) is not None:
                 self._enter(following(self, reason) if callable(following)
@@ -144,8 +149,11 @@ class GoalRun:
             self._now - hold.began > longest) else None
 
     def _unloads(self) -> Reason | None:
+        hold, why = self.hold, self._why
         able = self._inputs.joints_fresh and self._ended and not self._robot.astray
-        return self.reason if self.hold.presses_long(self._why, self._now) and able else None
+        bound = hold.bound or why is not None and why.code in BINDING
+        pressed = hold.after in TRACKING and self._now - hold.began > RESUME_WITHIN
+        return self.reason if able and pressed and not bound else None
 
     @property
     def _ended(self) -> bool:
@@ -158,7 +166,21 @@ class GoalRun:
         return Reason(ReasonCode.RESUMED) if self.hold.asked and self._ended else None
 
     def _well_soon(self) -> Reason | None:
-        return Reason(ReasonCode.INPUT_BACK) if self.hold.ends_soon() and self._ended else None
+        since = self.hold.well_since
+        soon = since is not None and since - self.hold.began <= RESUME_WITHIN
+        return Reason(ReasonCode.INPUT_BACK) if soon and self._ended else None
+
+    def _binds(self) -> Reason | None:
+        """Return the cause of a hold that ends only when asked, also as the robot was moved."""
+        self._check_place()
+        return self.hold.cause if self.hold.bound else None
+
+    def _check_place(self) -> None:
+        """Bind the hold if the robot, which is at rest, is not where it was sent."""
+        if self._robot.astray:
+            self.hold.bound, self.hold.cause = True, Reason(
+                ReasonCode.NOT_FOLLOWING,
+                f'it is {1e3 * self._robot.off:.1f} mm from where it was sent')
 
     def _news(self) -> Reason | None:
         """Return what is missing, or that a robot at rest waits to be asked."""
@@ -223,8 +245,11 @@ class GoalRun:
         return self._go_on_holding(reason)
 
     def _go_on_holding(self, reason: Reason) -> Phase:
-        joints = self._inputs.joints
-        self.hold.worsen(reason, joints is None or self._now - joints.arrival > RESUME_WITHIN)
+        hold, joints = self.hold, self._inputs.joints
+        hold.asked = False
+        if not hold.bound:  # without joint states the robot may have been moved
+            hold.cause, hold.bound = reason, reason.code in BINDING or (
+                joints is None or self._now - joints.arrival > RESUME_WITHIN)
         return self.phase if self.phase in STANDING else Phase.SETTLING
 
     def _test_or_track(self, _: Reason) -> Phase:
@@ -273,7 +298,7 @@ class GoalRun:
         elif phase is Phase.STOPPING:
             self.reference = None
         elif phase in (Phase.WAITING, Phase.DONE) and not self._robot.sent_here and self._stands():
-            self.hold.check_place(self._robot)
+            self._check_place()
             self._robot.send_here()
             self.reference = None
         if phase is not self.phase:
@@ -318,7 +343,7 @@ RULES: tuple[tuple[Set[Phase], Guard, Next], ...] = (
     ({Phase.WAITING}, GoalRun._unloads, Phase.UNLOADING),
     (HELD, lambda run: run._why, GoalRun._go_on_holding),
     ({Phase.UNLOADING}, GoalRun._unloaded, GoalRun._hold_unloaded),
-    ({Phase.WAITING}, lambda run: run.hold.binds(run._robot), Phase.ASKED),
+    ({Phase.WAITING}, GoalRun._binds, Phase.ASKED),
     ({Phase.WAITING}, lambda run: run._way.alarm(run._now), GoalRun._lift),
     (STANDING, GoalRun._asked, GoalRun._resume),
     ({Phase.WAITING}, GoalRun._well_soon, GoalRun._resume),

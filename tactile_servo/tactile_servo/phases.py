@@ -1,6 +1,7 @@
-"""Phases of a goal, in more detail than the published states, and their longest times."""
+"""Phases of a goal, in more detail than the published states, their longest times, and holds."""
 
 from collections import defaultdict
+from dataclasses import dataclass
 from enum import auto, Enum
 
 from tactile_servo.config import ServoConfig
@@ -10,6 +11,13 @@ from tactile_servo.types import Goal, State
 # Time limit of a state: SLACK, and the time for its distance at the share SLOWNESS of its speed.
 SLACK, SLOWNESS = 10.0, 0.05  # s
 LONGEST_TRACK = 1800.0  # s, for a goal without a length
+# Time within which a hold ends by itself when its cause goes away [s]; people near the robot still
+# remember that it moved. After a longer one the pad lifts off and the robot waits to be asked.
+RESUME_WITHIN = 0.5
+# Causes after which the robot continues only when asked: whoever caused the hold must know that
+# the robot will move.
+BINDING = frozenset({ReasonCode.PAUSED, ReasonCode.NOT_FOLLOWING, ReasonCode.CONTROLLER_INACTIVE,
+                     ReasonCode.SEVERAL_PUBLISHERS, ReasonCode.CLOCK_STOPPED})
 
 
 class Phase(Enum):
@@ -46,6 +54,19 @@ LIFTING = frozenset({Phase.RETREAT, Phase.UNLOADING})  # these need only the pos
 _STATES = {phase: State.HOLD if phase in HELD | {Phase.STOPPING} else
            State.APPROACH if phase is Phase.TEST else State.TRACK if phase is Phase.HALT
            else State[phase.name] for phase in Phase}
+
+
+@dataclass
+class Hold:
+    """Cause of an interruption of a goal, and what decides how it ends (`goal_run.RULES`)."""
+
+    after: Phase  # in which the goal continues; only TRACK needs an observation of the edge
+    cause: Reason
+    began: float  # steady time [s]
+    of_law: bool = False  # the law requested it
+    bound: bool = False  # it ends only when asked, and later problems do not change its cause
+    asked: bool = False  # somebody has asked to continue
+    well_since: float | None = None  # steady time [s], None while there is a problem
 
 
 class TimeLimits:
