@@ -7,7 +7,7 @@ import numpy as np
 from tactile_shape.local_surface.local_quadric import LocalQuadric, LocalQuadricConfig
 from tactile_shape.shape_estimator import SurfaceEstimator
 from tactile_shape.thesis.matrix_estimator import MatrixEstimator
-from tactile_shape.types.patch import Kind, Patch, refusal
+from tactile_shape.types.patch import Kind, Patch
 from tactile_shape.types.tangent import principal_curvatures, tangent_frame, turn_about_z
 
 WINDOW = 0.024  # m
@@ -62,7 +62,7 @@ class Paraboloid:
     def estimate(self):
         points = np.array(self._points[-96:])
         if len(points) < 6:
-            return refusal('too few', 'paraboloid')
+            return Patch(Kind.NONE, False, 'too few', 'paraboloid')
         axes = tangent_frame(self._normal)
         x, y, z = ((points - points[-1]) @ axes).T
         rows = np.column_stack([np.ones(len(x)), x, y, 0.5 * x * x, x * y, 0.5 * y * y])

@@ -3,7 +3,7 @@ from tactile_shape.contour.contact_path import Placed
 from tactile_shape.contour.object_model import ObjectModel
 from tactile_shape.local_surface.local_quadric import LocalQuadric
 from tactile_shape.thesis.matrix_estimator import MatrixEstimator
-from tactile_shape.types.patch import Patch, refusal, SurfaceEstimator
+from tactile_shape.types.patch import Kind, Patch, SurfaceEstimator
 
 # By method; each is made from a LocalQuadricConfig.
 ESTIMATORS = {kind.method: kind for kind in (LocalQuadric, MatrixEstimator)}
@@ -25,11 +25,11 @@ class ShapeEstimator:
             self.lose()
         contact = placed.contact
         if contact is None:
-            return refusal(placed.reason)
+            return Patch(Kind.NONE, False, placed.reason)
         if contact.edge:
             self._estimator.reset()
             self.model.add_contact(contact.position)
-            return refusal('an edge: it has a contour, no surface')
+            return Patch(Kind.NONE, False, 'an edge: it has a contour, no surface')
         patch = self._estimator.update(contact.position, contact.normal)
         if patch.samples:  # otherwise the contact was not usable
             self.model.add_contact(contact.position)

@@ -46,7 +46,7 @@ class Patch:
     kind: Kind
     valid: bool
     reason: str  # why it is invalid, one line; empty if valid
-    method: str  # 'local_quadric' or 'surface_matrix'
+    method: str = ''  # 'local_quadric' or 'surface_matrix'
     # Contact frame: origin on the surface, x and y principal directions, z inward normal.
     frame: np.ndarray = _nan(4, 4)
     # Principal curvatures along x and y, the larger in magnitude first, positive if convex [1/m].
@@ -94,11 +94,6 @@ class Patch:
         return self.origin + np.column_stack([places, z]) @ self.frame[:3, :3].T
 
 
-def refusal(reason: str, method: str = '', **known: Any) -> Patch:
-    """Return an invalid Patch with its reason and the values that are known nevertheless."""
-    return Patch(Kind.NONE, False, reason, method, **known)
-
-
 class SurfaceEstimator(ABC):
     """
     Estimator of the surface at the newest contact of a path; time and memory are bounded.
@@ -129,5 +124,5 @@ class SurfaceEstimator(ABC):
         return self.estimate()
 
     def refused(self, reason: str, **known: Any) -> Patch:
-        """Return an invalid Patch of this method, see `refusal`."""
-        return refusal(reason, self.method, **known)
+        """Return an invalid Patch with its reason and the values that are known nevertheless."""
+        return Patch(Kind.NONE, False, reason, self.method, **known)
