@@ -5,7 +5,7 @@ import pytest
 
 from tactile_sensing.contact.ridge import ridge_points
 from tactile_sensing.types.array import TactelArray
-from tactile_servo.edge_map.border import coming_length
+from tactile_servo.edge_map.picture import coming_length
 from tactile_simulation.render import render
 from tactile_simulation.sensor import SceneSkin
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_sensing.types.array import TactelArray
+from tactile_sensing.types.image import Layer
 from tactile_servo.edge_map.corner import Corner, CornerShape, fit
 from tactile_servo.edge_map.picture import Picture
 from tactile_servo.edge_map.records import CLOUD_POINT, nodes_of
@@ -24,7 +25,11 @@ def picture_of(turn, radius, vertex, seed=0, place=(0.0, 0.0), yaw=0.0):
     plan = walk(vertex - [0, 0.05], 0.5 * math.pi, [side, (radius * abs(turn), turn), side])
     pressure = render(np.column_stack([plan, np.full(len(plan), -1e-3)]), PAD, SceneSkin())
     pressure += NOISE * np.random.default_rng(seed).standard_normal(pressure.shape)
-    return Picture(pressure, PAD, DEPTH, NOISE, pose_at(place, yaw))
+    return picture_at(pressure, pose_at(place, yaw))
+
+
+def picture_at(pressure, pose):
+    return Picture(Layer('zz', DEPTH, pressure, noise_std=NOISE), PAD, pose)
 
 
 def pose_at(place, yaw):
@@ -96,7 +101,7 @@ def test_a_corner_ahead_that_pictures_deny_is_dropped():
     fitted = fit(shown, first_guess(turn, vertex))
 
     def flat(place):
-        return Picture(np.full(PAD.shape, 1e4), PAD, DEPTH, NOISE, pose_at(place, 0.0))
+        return picture_at(np.full(PAD.shape, 1e4), pose_at(place, 0.0))
     blank, away = flat((0.0, 0.0)), flat((0.1, 0.0))
     path = TracedPath(nodes_of((0.0, 0.0), 0.0, (0.0, 1.0)), np.empty(0, CLOUD_POINT), blank)
     ahead, under = Corner(*fitted, DEPTH), Corner(*fitted, DEPTH)

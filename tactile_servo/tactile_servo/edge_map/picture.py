@@ -1,6 +1,5 @@
 """Image of the edge: checked, repaired and located by its pose; lengths of its pad."""
 
-from dataclasses import dataclass
 from functools import cached_property
 import math
 from typing import NamedTuple
@@ -10,9 +9,8 @@ import numpy as np
 from tactile_common.kernels import njit
 from tactile_sensing.contact.ridge import centre_of_load, mend, ridge_of
 from tactile_sensing.types.array import TactelArray
-from tactile_sensing.types.image import TactileImage
-from tactile_sensing.types.skin import Skin
-from tactile_servo.edge_map.border import coming_length
+from tactile_sensing.types.image import Layer, TactileImage
+from tactile_servo.edge_map.records import Records
 from tactile_servo.edge_map.tracing import into_plane
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import IMPOSSIBLE, pressure_layer
@@ -24,6 +22,11 @@ UNKNOWN_NOISE = 1e-2  # share of the highest pressure, for a sensor that does no
 # A ridge shows how the pad is pressed if it is central, long and straight. In half pads: largest
 # distance of its centre, least standard deviation along it; in depths: largest misfit.
 CENTRAL, LONG, ROUGH = 0.3, 0.4, 0.2
+# A load just beyond the border of the pad, which the pad feels before it reaches it:
+FAINT, PLAIN = 0.02, 0.06  # shares of the ridge's pressure, for a leg 2 and 1.25 depths away
+LEAST_RUN = 4  # least number of loaded tactels along the border that show a leg
+RIDGE_ZONE = 2.5  # depths from the ridge's line, within which border tactels see the ridge itself
+SIGNIFICANT = 2.0  # standard deviations of the noise that a loaded border tactel exceeds
 LIFTED = 0.5  # share of the mean indentation below which a ridge ends because the pad is tilted
 
 
@@ -49,42 +52,28 @@ class PadScale(NamedTuple):
                    max(depth, COARSE * max(array.pitch_x, array.pitch_y)))
 
 
-@dataclass(eq=False)  # not frozen, for speed: one is constructed for every image
 class Picture:
     """
-    Pressure image with the pose at which it was taken.
+    Pressure image in Pa of a tared layer, with the pose (4, 4) in the plane at which it was taken.
 
     The constructor evaluates the whole image, because single queries would cost more.
     """
 
-    pressure: np.ndarray  # (rows, columns) [Pa]; repaired by the constructor, then all finite
-    array: TactelArray
-    depth: float  # depth of the tactels [m]
-    noise: float  # standard deviation of one tactel [Pa]; set to 1 % of the peak if unknown
-    pose: np.ndarray  # (4, 4), pose of the sensor in the plane's frame
-    stamp_ns: int = 0
-    skin_stiffness: float = math.inf  # line force per indentation [N/m^2]
-    thickness: float = math.inf  # thickness of the skin on a rigid backing [m]
-    poisson: float = 0.5
-
-    def __post_init__(self) -> None:
-        array = self.array
-        self.scale = PadScale.of(array, self.depth)
+    def __init__(self, layer: Layer, array: TactelArray, pose: np.ndarray, stamp_ns: int = 0,
+                 skin_stiffness: float = math.inf):
+        self.array, self.pose, self.stamp_ns, self.skin = array, pose, stamp_ns, layer.skin
+        self.scale, self.depth = PadScale.of(array, layer.depth), layer.depth
         # The peak of (3.1), 2 q / (pi d), gives the line force q, and q gives the indentation.
-        indentation = 0.5 * math.pi * self.depth / self.skin_stiffness
-        # `points`: ridge in the plane, CLOUD_POINT (N,); `coming`: see `coming_length`
+        indentation = 0.5 * math.pi * layer.depth / skin_stiffness
+        # `pressure`: repaired, all finite [Pa]; `noise`: of one tactel [Pa], 1 % of the peak if
+        # unknown; `points`: ridge in the plane, CLOUD_POINT (N,); `coming`: see `coming_length`
         self.pressure, self.noise, self.invalid, total, self.points, self.coming = _look(
-            np.array(self.pressure, np.float64, order='C'), self.noise, array.x, array.y,
-            self.depth, self.pose, indentation)
+            np.asarray(layer.stress, np.float64, order='C'), float(layer.noise_std), array.x,
+            array.y, layer.depth, pose, indentation)
         self.force = total * array.pitch_x * array.pitch_y
         # Position of the pad's centre [m] and angle of its x axis [rad], in the plane.
-        (cos, _, _, self.x), (sin, _, _, self.y), (_, _, _, self.height), _ = self.pose.tolist()
+        (cos, _, _, self.x), (sin, _, _, self.y), (_, _, _, self.height), _ = pose.tolist()
         self.yaw = math.atan2(sin, cos)
-
-    @property
-    def skin(self) -> Skin:
-        """Skin above the tactels."""
-        return Skin(self.depth, self.thickness, self.poisson)
 
     @property
     def place(self) -> np.ndarray:
@@ -110,14 +99,13 @@ def read_picture(image: TactileImage, pose: np.ndarray,
                  skin_stiffness: float) -> Picture | Reason:
     """Check and repair an image taken at a pose (4, 4) in the plane; return why it is unusable."""
     layer = pressure_layer(image.layers)
-    if (layer is None or layer.unit != 'Pa' or not layer.depth > 0.0
+    if (layer is None or layer.unit != 'Pa' or not 0.0 < layer.depth < math.inf
             or not layer.thickness >= layer.depth or not 0.0 <= layer.poisson <= 0.5
             or layer.stress.shape != image.array.shape):
         return Reason(ReasonCode.BAD_IMAGE, 'picture without pressure')
     if not image.tared:
         return Reason(ReasonCode.BAD_IMAGE, 'picture without tared pressure')
-    picture = Picture(layer.stress, image.array, layer.depth, float(layer.noise_std), pose,
-                      image.stamp_ns, skin_stiffness, layer.thickness, layer.poisson)
+    picture = Picture(layer, image.array, pose, image.stamp_ns, skin_stiffness)
     # With more invalid tactels, the repaired image would be mostly invented.
     if picture.invalid > MOST_INVALID * picture.pressure.size:
         return Reason(ReasonCode.BAD_IMAGE, 'picture with too many invalid tactels')
@@ -163,7 +151,7 @@ def slope_where_lifted(picture: Picture, way: np.ndarray) -> float:
     NaN if the indentation does not fall to zero towards the end of the ridge: then the edge ends.
     """
     points, normal = picture.points, picture.pose[:3, 2]
-    place = np.column_stack([points['x'], points['y'], points['z']])
+    place = points['point']
     along, indentation = place[:, :2] @ way, (picture.pose[:3, 3] - place) @ normal
     weights = points['weight'] / points['weight'].sum()
     along -= weights @ along
@@ -178,29 +166,73 @@ def _look(pressure: np.ndarray, noise: float, x: np.ndarray, y: np.ndarray, dept
           pose: np.ndarray,
           indentation: float) -> tuple[np.ndarray, float, int, float, np.ndarray, float]:
     """
-    Evaluate an image (rows, columns); impossible values are set to NaN in place.
+    Evaluate an image (rows, columns); impossible values count as missing.
 
     Returns the repaired image, noise, number of impossible values, sum of the pressures, ridge in
     the plane and coming length.
     """
-    invalid, peak = _drop_impossible(pressure)
+    possible = np.abs(pressure) < IMPOSSIBLE
     if not 0.0 < noise < IMPOSSIBLE:
-        noise = UNKNOWN_NOISE * max(peak, 1.0)
-    mended = mend(pressure, noise)
+        noise = UNKNOWN_NOISE * max(np.where(possible, pressure, 0.0).max(), 1.0)
+    mended = mend(np.where(possible, pressure, np.nan), noise)
     ridge = ridge_of(mended, x, y, noise, depth)
     coming = coming_length(mended, x, y, ridge, noise, depth)
-    return mended, noise, invalid, mended.sum(), into_plane(ridge, pose, indentation), coming
+    return (mended, noise, pressure.size - possible.sum(), mended.sum(),
+            into_plane(ridge, pose, indentation), coming)
 
 
 @njit(cache=True)
-def _drop_impossible(pressure: np.ndarray) -> tuple[int, float]:
-    """Set impossible values to NaN; return their number and the largest other value."""
-    invalid, peak = 0, 0.0
-    for r in range(pressure.shape[0]):
-        for c in range(pressure.shape[1]):
-            if abs(pressure[r, c]) < IMPOSSIBLE:
-                peak = max(peak, pressure[r, c])
-            else:
-                pressure[r, c] = np.nan
-                invalid += 1
-    return invalid, peak
+def coming_length(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, points: np.ndarray,
+                  noise: float, depth: float) -> float:
+    """
+    Return the length of a leg of the edge that is about to reach the pad [m].
+
+    A leg parallel to the border reaches the pad suddenly and adds half of the load again. The
+    skin shows it on the border tactels about 1.5 depths earlier.
+
+    The length is 0 without such a leg, and reduced while the leg is far. The pressure (rows,
+    columns) [Pa] must be finite. `points` (N,) are RIDGE_POINT, the image's ridge; x, y [m],
+    `noise` [Pa] and `depth` [m] are positions, noise and depth of the tactels.
+    """
+    if not len(points):
+        return 0.0
+    clear = RIDGE_ZONE * depth
+    count, share = _longest_run(pressure, x, y, points, clear, noise)
+    if count < LEAST_RUN:
+        return 0.0
+    near = min(max((share - FAINT) / (PLAIN - FAINT), 0.0), 1.0)
+    # Tactels near the ridge were excluded: assume that the leg extends to the ridge.
+    return near * (count * min(x[1] - x[0], y[1] - y[0]) + clear)
+
+
+@njit(cache=True)
+def _longest_run(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, points: Records, clear: float,
+                 noise: float) -> tuple[int, float]:
+    """Find the longest loaded run of border tactels off the ridge: count, relative pressure."""
+    rows, columns = pressure.shape
+    ridge = np.median(points.pressure)
+    level = max(FAINT * ridge, SIGNIFICANT * noise)
+    around = 2 * (rows + columns) - 4
+    best, best_sum, run, total = 0, 0.0, 0, 0.0
+    for step in range(2 * around):  # twice around: a run may cross the starting point
+        k = step % around
+        if k < columns:
+            r, c = 0, k
+        elif k < columns + rows - 1:
+            r, c = k - columns + 1, columns - 1
+        elif k < 2 * columns + rows - 2:
+            r, c = rows - 1, 2 * columns + rows - 3 - k
+        else:
+            r, c = around - k, 0
+        own = pressure[r, c] < level
+        for n in range(len(points)):
+            if own:
+                break
+            # Beyond the pad, assume that the ridge continues straight.
+            point = points[n]
+            aside = (x[c] - point.x) * point.ty - (y[r] - point.y) * point.tx
+            own = abs(aside) < clear
+        run, total = (0, 0.0) if own else (run + 1, total + pressure[r, c])
+        if run > best and run <= around:
+            best, best_sum = run, total
+    return best, best_sum / (max(best, 1) * ridge)
