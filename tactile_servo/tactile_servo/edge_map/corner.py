@@ -94,15 +94,6 @@ SIZE = len(CornerShape._fields)
 RADIUS = CornerShape._fields.index('radius')  # the curvatures come after it
 
 
-class CornerFit(NamedTuple):
-    """Result of the fit of a corner to an image."""
-
-    shape: CornerShape
-    information: np.ndarray  # (7, 7), inverse covariance without the priors
-    chi_square: float  # per tactel
-    load: float  # force per length [N/m], 0 if too few tactels are near
-
-
 def turned(information: np.ndarray, yaw: float) -> np.ndarray:
     """Return the information (7, 7) of a corner rotated by `yaw`."""
     cos, sin = math.cos(yaw), math.sin(yaw)
@@ -123,28 +114,21 @@ def vertex_spread(information: np.ndarray) -> float:
 def corner_points(corner: CornerShape, depth: float) -> np.ndarray:
     """Return the polyline (2 CHORDS + ARC_CHORDS + 1, 2) of a corner at a skin depth [m]."""
     turn = wrap_angle(corner.second - corner.first)
-    radius = max(corner.radius, 0.0)
+    radius, spacing = max(corner.radius, 0.0), LEG * depth / CHORDS
     setback = radius * math.tan(0.5 * min(abs(turn), STRAIGHT))
-    points = np.empty((2 * CHORDS + ARC_CHORDS + 1, 2))
-    spacing = LEG * depth / CHORDS
-    # First leg, backwards from the start of the fillet.
-    x = begin_x = corner.x - setback * math.cos(corner.first)
-    y = begin_y = corner.y - setback * math.sin(corner.first)
-    points[CHORDS] = x, y
-    for k in range(CHORDS):
-        angle = corner.first - corner.first_bend * spacing * (k + 0.5)
-        x, y = x - spacing * math.cos(angle), y - spacing * math.sin(angle)
-        points[CHORDS - 1 - k] = x, y
-    x, y = begin_x, begin_y
-    chord = 2.0 * radius * math.sin(0.5 * abs(turn) / ARC_CHORDS)
-    for k in range(ARC_CHORDS + CHORDS):
-        if k < ARC_CHORDS:
-            length, angle = chord, corner.first + turn * (k + 0.5) / ARC_CHORDS
-        else:
-            length = spacing
-            angle = corner.second + corner.second_bend * spacing * (k - ARC_CHORDS + 0.5)
-        x, y = x + length * math.cos(angle), y + length * math.sin(angle)
-        points[CHORDS + 1 + k] = x, y
+    leg, arc = spacing * (np.arange(CHORDS) + 0.5), (np.arange(ARC_CHORDS) + 0.5) / ARC_CHORDS
+    angles = np.concatenate((corner.first - corner.first_bend * leg[::-1],
+                             corner.first + turn * arc,
+                             corner.second + corner.second_bend * leg))
+    chords = np.full(angles.size, spacing)
+    chords[CHORDS:-CHORDS] = 2.0 * radius * math.sin(0.5 * abs(turn) / ARC_CHORDS)
+    x, y = np.cumsum(chords * np.cos(angles)), np.cumsum(chords * np.sin(angles))
+    # The fillet begins at the end of the first leg.
+    points = np.empty((angles.size + 1, 2))
+    points[0] = 0.0
+    points[1:, 0], points[1:, 1] = x, y
+    points[:, 0] += corner.x - setback * math.cos(corner.first) - x[CHORDS - 1]
+    points[:, 1] += corner.y - setback * math.sin(corner.first) - y[CHORDS - 1]
     return points
 
 
@@ -174,18 +158,19 @@ def corner_pressure(corner: CornerShape, x: np.ndarray, y: np.ndarray,
 
 
 def fit_corner(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, skin: np.ndarray, noise: float,
-               start: CornerShape) -> CornerFit:
+               start: CornerShape) -> tuple[CornerShape, np.ndarray] | None:
     """
     Fit a corner to an image by Gauss-Newton, with the load eliminated in closed form.
 
     The pressure (rows, columns) [Pa] must be finite; x, y are the tactels' positions [m]; `skin`
     is as for `corner_pressure`. `noise` is that of one tactel [Pa]. `start` is the first guess, in
-    the sensor frame.
+    the sensor frame. Returns the corner and its information (7, 7), without the priors, or None if
+    too few tactels are near or none fits.
     """
-    depth, information = skin[0]['depth'], np.zeros((SIZE, SIZE))
+    depth = skin[0]['depth']
     near = (x - start.x)**2 + (y[:, None] - start.y)**2 < (FITTED * depth)**2
     if np.count_nonzero(near) < LEAST_TACTELS:
-        return CornerFit(start, information, math.inf, 0.0)
+        return None
     seen = pressure[near]
     weight = 1.0 / (noise**2 + (MODEL_ERROR * seen)**2)
     steps = np.array([PLACE_STEP * depth, PLACE_STEP * depth, ANGLE_STEP, ANGLE_STEP,
@@ -203,7 +188,9 @@ def fit_corner(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, skin: np.ndar
         own = (weight * unit) @ unit
         load = (weight * unit) @ seen / own
         error = seen - load * unit
-        if step == ROUNDS or not load > 0.0:
+        if not load > 0.0:
+            return None
+        if step == ROUNDS:
             break
         slopes = np.array([modelled(other) for other in p + np.diag(steps)]) - unit
         slopes /= steps[:, None]
@@ -218,7 +205,8 @@ def fit_corner(pressure: np.ndarray, x: np.ndarray, y: np.ndarray, skin: np.ndar
             abs(change.radius) / (FARTHEST * depth),
             max(abs(change.first), abs(change.second)) / WIDEST_CHANGE, 1.0)
         p[RADIUS] = max(p[RADIUS], LEAST_RADIUS * depth)
-    return CornerFit(CornerShape(*p.tolist()), information, weight @ error**2 / len(seen), load)
+    fits = np.isfinite(p).all() and weight @ error**2 / len(seen) < WORST_FIT
+    return (CornerShape(*p.tolist()), information) if fits else None
 
 
 class Corner:
@@ -299,10 +287,11 @@ def fit(picture: Picture, shape: CornerShape) -> tuple[CornerShape, np.ndarray] 
         return None
     array, depth, yaw = picture.array, picture.depth, picture.yaw
     start = shape.moved(-picture.place, 0.0).moved(np.zeros(2), -yaw)
-    found, information, chi_square, load = fit_corner(
+    fitted = fit_corner(
         picture.pressure, array.x, array.y, half_spaces(picture.skin), picture.noise, start)
-    if not (np.isfinite(found).all() and load > 0.0 and chi_square < WORST_FIT):
+    if fitted is None:
         return None
+    found, information = fitted
     # Add priors of radius and curvatures.
     information += np.diag([0.0, 0.0, 0.0, 0.0, RADIUS_INFORMATION / depth**2,
                             BEND_INFORMATION * depth**2, BEND_INFORMATION * depth**2])
