@@ -2,7 +2,6 @@
 
 import cmath
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -26,18 +25,6 @@ ALIGNED = 0.08  # rad between the pad's y and the path above which tactels bias 
 ROUGHLY_ALONG = 0.5  # least cosine between a heading and the ridge at which a path begins
 NO_RIDGE = Reason(ReasonCode.EDGE_LOST, 'no ridge in the picture')
 ELSEWHERE = Reason(ReasonCode.EDGE_LOST, 'the picture shows no ridge along the path')
-
-
-class PathPosition(NamedTuple):
-    """Measured and commanded position of a pad on the path."""
-
-    there: np.ndarray  # (4, 4), commanded pose of the pad in the plane
-    here: float  # station of the measured pad [m]
-    aside: tuple[float, float]  # vector x, y from the measured pad to the path [m]
-    along: tuple[float, float]  # direction x, y of the path at the measured pad
-    ahead: float  # station of the commanded pad [m]
-    way: tuple[float, float]  # direction x, y of the path around the commanded pad
-    length: float  # length of the edge under the commanded pad after a move [m]
 
 
 class EdgeMap:
@@ -191,17 +178,15 @@ class EdgeMap:
         return self.path is not None and self.path.end is PathEnd.CLOSED
 
     def locate(self, pose: np.ndarray, commanded: np.ndarray, here: float, ahead: float,
-              move: tuple[float, float] = (0.0, 0.0)) -> PathPosition:
+              move: tuple[float, float] = (0.0, 0.0)) -> path_queries.PathPosition:
         """
         Locate the pad on the path, for a measured and a commanded pose (4, 4) in the base frame.
 
         `here` and `ahead` are the stations of both poses in the last cycle [m]. The length under
         the pad is computed after a displacement `move` x, y of the commanded pose [m].
         """
-        scale, there = self.scale, np.empty((4, 4))
-        return PathPosition(there, *path_queries.locate(
-            self.path.nodes, self._near, self.plane, pose, commanded, scale.half_x, scale.half_y,
-            scale.grain, here, ahead, move, there))
+        return path_queries.locate(self.path.nodes, self._near, self.plane, pose, commanded,
+                                   self.scale, here, ahead, move)
 
     def at_picture(self, direction: int, ahead: float) -> tuple[float, float, float, float]:
         """
@@ -210,10 +195,9 @@ class EdgeMap:
         The errors are lateral [m] and angular [rad], in the pad's frame; the length is in [m]. The
         slope is that of the edge around the station `ahead` [m], NaN if it is unknown.
         """
-        scale = self.scale
         return path_queries.at_picture(
-            self.path.nodes, self._near, self.picture.pose, scale.half_x, scale.half_y,
-            scale.grain, direction, self.station, ahead, self.path.end is PathEnd.RIDGE)
+            self.path.nodes, self._near, self.picture.pose, self.scale, direction, self.station,
+            ahead, self.path.end is PathEnd.RIDGE)
 
     def way(self, first: float, last: float) -> tuple[float, float]:
         """Return the direction x, y between two stations [m]; beyond the end, that of its end."""

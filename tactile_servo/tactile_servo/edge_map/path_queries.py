@@ -1,13 +1,14 @@
 """Queries of a path at a station: place, slope, length on a pad, speed."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tactile_common.geometry import wrap_angle
 from tactile_common.kernels import njit
 from tactile_common.polyline import nearest_on_polyline
+from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.records import Records
 from tactile_servo.edge_map.tracing import STEP
 
@@ -28,20 +29,32 @@ SLOPE_REACH = 5.0  # on each side, over which the slope is measured
 SHORTEST_CHORD = 0.05  # least length that determines a direction
 
 
+class PathPosition(NamedTuple):
+    """Measured and commanded position of a pad on the path."""
+
+    there: np.ndarray  # (4, 4), commanded pose of the pad in the plane
+    here: float  # station of the measured pad [m]
+    aside: Way  # vector from the measured pad to the path [m]
+    along: Way  # direction of the path at the measured pad
+    ahead: float  # station of the commanded pad [m]
+    way: Way  # direction of the path around the commanded pad
+    length: float  # length of the edge under the commanded pad after a move [m]
+
+
 @njit(cache=True)
 def locate(nodes: Records, near: np.ndarray, plane: np.ndarray, pose: np.ndarray,
-          commanded: np.ndarray, half_x: float, half_y: float, grain: float, here: float,
-          ahead: float, move: Way, there: np.ndarray) -> tuple[float, Way, Way, float, Way, float]:
+           commanded: np.ndarray, scale: PadScale, here: float, ahead: float,
+           move: Way) -> PathPosition:
     """
-    Compute the values of a `PathPosition`: measured and commanded position of a pad on a path.
+    Return the measured and commanded position of a pad on a path.
 
     One call gives all values of a control cycle, because calls cost more than the computation.
     For the arguments see `EdgeMap.locate`; `nodes` and `near` (N,), (M,) are the path and its part
-    that the pad can reach. The pose (4, 4) of the commanded pad in the plane goes to `there`.
+    that the pad can reach.
     """
+    there, grain = np.zeros((4, 4)), scale.grain
     for i in range(4):
         for j in range(4):
-            there[i, j] = 0.0
             for k in range(4):
                 there[i, j] += plane[i, k] * commanded[k, j]
     x = y = 0.0
@@ -54,28 +67,30 @@ def locate(nodes: Records, near: np.ndarray, plane: np.ndarray, pose: np.ndarray
     ahead = nearest_on_polyline(
         nodes.x, nodes.y, nodes.station, there[0, 3], there[1, 3], ahead - window,
         ahead + window).station
-    return (at.station, (at.x - x, at.y - y), (at.along_x, at.along_y), ahead,
-            direction(nodes, ahead - chord, ahead + chord, grain),
-            length_on_pad(near, there, move[0], move[1], half_x, half_y))
+    return PathPosition(
+        there, at.station, (at.x - x, at.y - y), (at.along_x, at.along_y), ahead,
+        direction(nodes, ahead - chord, ahead + chord, grain),
+        length_on_pad(near, there, move[0], move[1], scale.half_x, scale.half_y))
 
 
 @njit(cache=True)
-def at_picture(nodes: Records, near: np.ndarray, pose: np.ndarray, half_x: float, half_y: float,
-               grain: float, sense: int, station: float, ahead: float,
-               ends: bool) -> tuple[float, float, float, float]:
+def at_picture(nodes: Records, near: np.ndarray, pose: np.ndarray, scale: PadScale, sense: int,
+               station: float, ahead: float, ends: bool) -> tuple[float, float, float, float]:
     """
     Return a pad's lateral [m] and angular error, the length under it [m] and the slope ahead.
 
     `pose` is in the plane. `sense` is +1 if the pad's y points along the path, otherwise -1. The
-    pad is searched around `station` [m]. For the slope see `rise`, for other arguments `stand`.
+    pad is searched around `station` [m]. For the slope see `rise`, for `nodes` and `near`
+    `locate`.
     """
+    grain = scale.grain
     window = SHOWN_WINDOW * grain
     at = nearest_on_polyline(nodes.x, nodes.y, nodes.station, pose[0, 3], pose[1, 3],
                              station - window, station + window)
     yaw = math.atan2(pose[0, 1], pose[1, 1])
     along = math.atan2(sense * at.along_x, sense * at.along_y)
     return (sense * at.left, wrap_angle(yaw - along),
-            length_on_pad(near, pose, 0.0, 0.0, half_x, half_y),
+            length_on_pad(near, pose, 0.0, 0.0, scale.half_x, scale.half_y),
             rise(nodes, ahead, SLOPE_REACH * grain, STEP * grain, ends))
 
 

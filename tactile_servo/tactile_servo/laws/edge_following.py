@@ -9,7 +9,7 @@ from tactile_sensing.types.image import SensorInfo
 from tactile_servo.config import image_patience, PRESS_DEPTH, ServoConfig, STALE_AFTER
 from tactile_servo.control.press_test import PRESSED
 from tactile_servo.control.progress import LapGuard, Stall
-from tactile_servo.edge_map.edge_map import PathPosition
+from tactile_servo.edge_map.path_queries import PathPosition
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.law import Assessment, done, LawResult, Observation, Reference, UNPLACED
 from tactile_servo.laws.edge_law import EdgeLaw, SKIN_STIFFNESS, skin_stiffness_of, total_stiffness

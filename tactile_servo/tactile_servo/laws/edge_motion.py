@@ -17,7 +17,7 @@ from tactile_servo.control.force_controller import (
 )
 from tactile_servo.control.scaling import caution, clipped
 from tactile_servo.control.stability import DEAD_TIME, LAG, stable_gain
-from tactile_servo.edge_map.edge_map import PathPosition
+from tactile_servo.edge_map.path_queries import PathPosition
 from tactile_servo.edge_map.traced_path import PathEnd
 from tactile_servo.laws.edge_sight import EdgeSight, Load
 from tactile_servo.motion.motion import COMMITTED, Motion
