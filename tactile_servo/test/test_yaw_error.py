@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from tactile_servo.edge_map.yaw_error import YawError
+from tactile_servo.edge_map.edge_map import YawError
 
 
 def seen(ridge, angle, noise=0.0, jump=0.0, aside=0.0):
