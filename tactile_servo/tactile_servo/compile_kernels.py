@@ -1,14 +1,17 @@
 """Compilation of this package's kernels, during the build and when the node starts."""
 
+import math
+
 import numpy as np
 
 from tactile_sensing.devices.calibration import Calibration
-from tactile_sensing.skin.half_spaces import add_segment, half_spaces
+from tactile_sensing.skin.half_spaces import half_spaces
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
 from tactile_sensing.types.skin import Skin
 from tactile_servo.config import ServoConfig
 from tactile_servo.control.surface_path import PlanarPath, raster
+from tactile_servo.edge_map.corner import corner_pressure, CornerShape
 from tactile_servo.following import FollowingCheck
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import Observation
@@ -21,10 +24,7 @@ from tactile_servo.types import EdgeGoal
 
 ARRAY, DEPTH, NOISE = TactelArray(16, 16, 0.0254 / 16, 0.0254 / 16), 0.002, 600.0  # m, m, Pa
 LOAD, FORCE = 200.0, 5.0  # N/m, N
-# m; a contour with three sides, tracked one lap and further, with a gap and an end
-PATH = np.array([(0.0, 0.0), (0.0, 0.05), (0.04, 0.025), (0.0, 0.0), (0.0, 0.04)])
-GAPS = ((0.02, 0.026),)  # stations [m]
-STRIDE = 1.0e-3  # m between images
+IMAGES, STRIDE = 8, 1.0e-3  # number of images of a corner, and the way between them [m]
 UP = np.array([0.0, 0.0, 1.0])
 ROBOT = """<robot name="two_joints"><link name="base"/>
   <joint name="slide" type="prismatic"><parent link="base"/><child link="carriage"/>
@@ -58,31 +58,18 @@ def compile_kernels() -> None:
 
 
 def _follow_an_edge(motion: Motion) -> None:
-    """Pass a law images of a closed edge with corners and a gap."""
-    law, goal = EdgeFollowing(ServoConfig()), EdgeGoal(0.1, FORCE, closed=True)
+    """Pass a law images of a corner: what other images need is compiled with it."""
+    law, goal = EdgeFollowing(ServoConfig()), EdgeGoal(0.1, FORCE)
     law.begin(goal, Calibration(ARRAY, depth=DEPTH).sensor_info('pad', '', 0))
-    stations = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(PATH, axis=0), axis=1)))
-    rng, pose = np.random.default_rng(0), np.eye(4)
-    for count, station in enumerate(np.arange(0.0, stations[-1] + 0.02, STRIDE)):
-        pose = pose.copy()
-        pose[:2, 3] = [np.interp(station, stations, axis) for axis in PATH.T]
-        now = STRIDE / goal.speed * count
-        # At the end, so much noise that the images are smoothed.
-        noise = NOISE if station < stations[-1] else 10.0 * NOISE
-        layer = _layer(pose[:2, 3], stations, noise * rng.standard_normal(ARRAY.shape), noise)
+    for count in range(IMAGES):
+        pose, now, way = np.eye(4), STRIDE / goal.speed * count, STRIDE * count
+        pose[1, 3] = way
+        corner = CornerShape(0.0, 0.5 * IMAGES * STRIDE - way, 0.5 * math.pi, 0.0, 0.0)
+        pressure = LOAD * corner_pressure(corner, ARRAY.x, ARRAY.y, half_spaces(Skin(DEPTH)))
+        layer = Layer('zz', DEPTH, pressure, noise_std=NOISE)
         image = TactileImage(count, count, (layer,), ARRAY, True)
         law.observe(Observation(count, now, 0.0, pose, image=image))
         if law.lacks(now) is None:
-            law.assess(now, station, FORCE)
+            law.assess(now, way, FORCE)
             law.reference(pose, pose, motion, 0.0025)
     _ = law.sight.edge.picture.pull  # used by a search, and computed only on access
-
-
-def _layer(place: np.ndarray, stations: np.ndarray, pressure: np.ndarray, noise: float) -> Layer:
-    """Add the pressure of the edge on the array at a position (2,) to a pressure."""
-    cuts = np.union1d(stations, np.ravel(GAPS))
-    corners = np.column_stack([np.interp(cuts, stations, axis) for axis in PATH.T]) - place
-    for begin, first, last in zip(cuts, corners, corners[1:], strict=False):
-        if not any(gap[0] <= begin < gap[1] for gap in GAPS):
-            add_segment(pressure, ARRAY.x, ARRAY.y, DEPTH, *first, *last, LOAD, LOAD)
-    return Layer('zz', DEPTH, pressure, noise_std=noise)
