@@ -58,7 +58,7 @@ def test_pictures_that_cannot_be_used_are_refused():
     holed = np.where(np.arange(256).reshape(16, 16) % 3 > 0, np.nan, layer.stress)
     cases = {'without pressure': [
         replace(good, layers=()), replace(good, layers=(replace(layer, unit='counts'),)),
-        replace(good, layers=(replace(layer, depth=0.0),)),
+        *(replace(good, layers=(replace(layer, depth=bad),)) for bad in (0.0, np.inf, np.nan)),
         replace(good, layers=(replace(layer, stress=np.zeros((3, 3))),))],
         'without tared pressure': [replace(good, tared=False)],
         'too many invalid tactels': [
