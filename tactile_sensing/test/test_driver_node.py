@@ -1,10 +1,12 @@
 """The driver node on a pseudo-terminal, in a private context per test."""
 from contextlib import contextmanager, ExitStack
 import dataclasses
+import math
 from pathlib import Path
 import signal
 import subprocess
 import sys
+import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from driver_bench import Bench
@@ -56,8 +58,14 @@ class Graph(Bench):
                    and self.tare_client.service_is_ready(), 'discovery')
         # Matched is not yet connected: send until images arrive in lock.
         self.stream(unloaded(), lambda: len(self.images) >= 3)
-        self.device.send(unloaded(99))
-        self.until(lambda: self.images[-1].layers[0].stress[0] == 99 - BASELINE, 'the last one')
+        sent = [-math.inf]
+
+        def send() -> None:
+            if time.monotonic() > sent[-1] + 1.0:  # it is dropped if the reader was held up
+                sent.append(time.monotonic())
+                self.device.send(unloaded(99))
+        self.until(
+            lambda: self.images[-1].layers[0].stress[0] == 99 - BASELINE, 'the last one', send)
         self.images.clear()
 
     def stream(self, counts, condition):
