@@ -156,7 +156,7 @@ class Bench:
                     and self.listener.statuses[-1].progress >= progress, 'tracking', seconds)
 
     def finish(self, client):
-        self.attend(lambda: client.finished, 'the end of the goal')
+        self.attend(lambda: client.finished, 'the end of the goal', 6 * DEADLINE)
 
     def pause(self, paused, listener=None):
         """Call ~/pause and return the answer."""
