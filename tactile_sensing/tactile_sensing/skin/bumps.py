@@ -11,10 +11,9 @@ bone, bluntness and the area of the tactels together. The bump of a point may al
 under a finger, and any bump blunt (b > 0), as under a broad object.
 """
 
-from collections import namedtuple
 from collections.abc import Callable
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,25 +21,41 @@ from tactile_common.kernels import FAST, njit, to_fixed_tuple
 from tactile_sensing.skin.kernel import CENTRE, DEGREE
 
 POINT, LINE, TWO, PLATE = 1, 2, 3, 4
-# Places of the parameters of a load; some share one. Q0, Q1: x, y of a point [m]; rho [m], yaw
-# [rad] of a line. BEGIN, END: ends of a line, along it from the foot of the origin [m]. WIDTH:
-# variance of the patch [depths^2] on a known skin, else log of the half width [m]. EXPONENT:
-# log n. FORCE, SHEAR_U, SHEAR_V: [N] of a point, [N/m] of a line; SHEAR_U of a line is the shear
-# across it. TAPER: growth of the force of a line, along it from the foot of the origin, over half
-# the diagonal of the pad [N/m]. BASE: baseline of the first layer; the others follow.
-# On an unknown skin, BLUNT: b. LONG_X, LONG_XY: stretch of a point along x and along the diagonal,
-# s = (1 - LONG_X) u^2 + (1 + LONG_X) v^2 - 2 LONG_XY u v.
-# Of TWO points: Q0, Q1 and Q2, Q3: x, y [m]; SHARE: part of the load that is on the second.
-# Of a PLATE: Q0, Q1 of a border, with yaw to its inside; BEGIN of the plate along this border;
-# SHARE: part of the pressure that is high on the borders.
-NAMES = (*'Q0 Q1 BEGIN END SHARE WIDTH EXPONENT FORCE SHEAR_U SHEAR_V BASE'.split(),
-         *'Q2 Q3 LONG_X LONG_XY BLUNT TAPER'.split())
-PLACES = [*range(11), 2, 3, 2, 3, 4, 9]
-P: Any = namedtuple('P', NAMES)(*PLACES)
 BEYOND = 8.0  # a line is invisible from this distance outside the pad [depths]
 LOG2 = math.log(2.0)
 TERMS = DEGREE + 1  # of a polynomial
 MANTISSA, BIAS = 52, 1023  # of a double: bits, exponent of 1
+
+
+class Parameters(NamedTuple):
+    """
+    Places of the parameters of a load; those of different loads may share one.
+
+    Directions and distances along a line are from the foot of the origin. SHEAR_U of a line is
+    the shear across it.
+    """
+
+    Q0: int = 0  # x of a point, distance rho of a line or of a border of a plate [m]
+    Q1: int = 1  # y of a point [m]; yaw of a line, or of a border with the plate on its left [rad]
+    BEGIN: int = 2  # end of a line, or of a plate, along it [m]
+    END: int = 3  # other end of a line [m]
+    SHARE: int = 4  # of the load on the second of TWO; of the pressure high on a PLATE's borders
+    WIDTH: int = 5  # known skin: variance of the patch [depths^2]; else log of the half width [m]
+    EXPONENT: int = 6  # log n
+    FORCE: int = 7  # of a point [N], of a line [N/m]
+    SHEAR_U: int = 8
+    SHEAR_V: int = 9
+    BASE: int = 10  # baseline of the first layer; the others follow
+    Q2: int = 2  # x and y of the second of TWO points [m]
+    Q3: int = 3
+    # Stretch: s = (1 - LONG_X) u^2 + (1 + LONG_X) v^2 - 2 LONG_XY u v
+    LONG_X: int = 2
+    LONG_XY: int = 3
+    BLUNT: int = 4  # b
+    TAPER: int = 9  # growth of a line's force along it, over half the pad's diagonal [N/m]
+
+
+P = Parameters()
 
 
 def _interpolated(function: Callable, degree: int) -> tuple[float, ...]:
