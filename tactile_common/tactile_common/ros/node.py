@@ -35,6 +35,20 @@ def _versions() -> str:
     return ', '.join(versions)
 
 
+class _SurvivingPublisher(Publisher):
+    """Publisher that passes errors of rcl to `on_error`."""
+
+    on_error: Any = None
+
+    def publish(self, msg: Any) -> None:
+        try:
+            super().publish(msg)
+        except RCLError as error:
+            if self.on_error is None:
+                raise
+            self.on_error(error, self.topic)
+
+
 class TactileNode(Node):
     """
     Node that counts messages that cannot be sent, and continues.
@@ -55,7 +69,7 @@ class TactileNode(Node):
     texts : dict of str
         Contents of files, published in place of the parameters that name these files.
     steady : Clock
-        Clock of timers that must run even if simulated time stands still.
+        Clock of timers that must run while simulated time is paused.
     errors : int
         Number of messages, answers and the like that could not be sent.
     """
@@ -95,16 +109,10 @@ class TactileNode(Node):
 
     def create_publisher(self, *arguments: Any, **kwargs: Any) -> Publisher:
         """Create a publisher that counts messages that cannot be sent."""
-        publisher = super().create_publisher(*arguments, **kwargs)
-        send = publisher.publish
-
-        def publish(msg: Any) -> None:
-            try:
-                send(msg)
-            except RCLError as error:
-                self.count_error(error, publisher.topic)
-
-        publisher.publish = publish  # type: ignore[method-assign]
+        publisher = super().create_publisher(
+            *arguments, **{'publisher_class': _SurvivingPublisher, **kwargs})
+        if isinstance(publisher, _SurvivingPublisher):
+            publisher.on_error = self.count_error
         return publisher
 
     def create_subscription(self, msg_type: type, *arguments: Any, raw: bool = False,
