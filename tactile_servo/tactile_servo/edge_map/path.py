@@ -2,12 +2,13 @@
 
 import numpy as np
 
+from tactile_common.polyline import arc_length
 from tactile_servo.edge_map.corner import CornerShape, guess, LEAST_TURN
 from tactile_servo.edge_map.picture import PadScale
 from tactile_servo.edge_map.records import joined, nodes_of
 from tactile_servo.edge_map.tracing import local_line, STEP
 
-TURN = 2.0 * np.pi
+TURN = 2.0 * np.pi  # a whole turn [rad]
 NEAR_TURN, FAR_TURN = 4, 9  # nodes on each side over which a turn is measured
 SHARPNESS = 0.58  # least share of the far nodes' turn within the near nodes, for a corner
 VISIBLE_BEND = 0.6  # largest curvature that is visible through the skin, per depth
@@ -51,7 +52,8 @@ def unblurred(leg: np.ndarray, blur: float, step: float, depth: float) -> np.nda
 
 def headings(nodes: np.ndarray) -> np.ndarray:
     """Return the unwrapped angles (N,) of the directions of nodes [rad]."""
-    angles = np.arctan2(nodes['ty'], nodes['tx'])  # np.unwrap takes twice the time
+    angles = np.arctan2(nodes['ty'], nodes['tx'])
+    # Whole turns are subtracted exactly, unlike by np.unwrap, so that equal turns stay equal.
     angles[1:] -= TURN * np.cumsum(np.rint((angles[1:] - angles[:-1]) / TURN))
     return angles
 
@@ -76,9 +78,7 @@ def sharpest_turn(leg: np.ndarray, least: float) -> tuple[int, int] | None:
 def measure(nodes: np.ndarray, begin: int) -> None:
     """Set the stations of nodes (N,) from index `begin` > 0 on."""
     last = begin - 1
-    x, y = nodes['x'][last:], nodes['y'][last:]
-    x, y = x[1:] - x[:-1], y[1:] - y[:-1]
-    nodes['station'][begin:] = nodes['station'][last] + np.cumsum(np.sqrt(x * x + y * y))
+    nodes['station'][last:] = nodes['station'][last] + arc_length(nodes['place'][last:])
 
 
 def closing_node(nodes: np.ndarray, station: float, begin: float, reach: float) -> int | None:
