@@ -1,5 +1,6 @@
 """What all edge-following laws share: checks and ends of goals, and the stiffness of the skin."""
 
+from abc import abstractmethod
 import math
 from typing import ClassVar
 
@@ -45,7 +46,7 @@ class EdgeLaw(ServoLaw):
                           f'length {goal.length:g} is negative or not finite')
         if goal.direction not in (-1, 1):
             return Reason(
-                ReasonCode.INVALID_GOAL, f'direction {goal.direction} is neither +1 nor -1')
+                ReasonCode.INVALID_GOAL, f'direction is {goal.direction}, must be +1 or -1')
         return None
 
     def assess(self, now: float, progress: float, load: float) -> Assessment:
@@ -59,9 +60,9 @@ class EdgeLaw(ServoLaw):
         problem = '' if goal.length or found.state is State.DONE else self._laps.problem(progress)
         return done(ReasonCode.LAP_LIMIT, problem) if problem else found
 
+    @abstractmethod
     def _assess(self, now: float, progress: float, load: float) -> Assessment:
         """Decide as `assess` does, without length and laps of the goal."""
-        raise NotImplementedError
 
     def _end_of_edge(self) -> Assessment:
         """
