@@ -10,7 +10,7 @@ import recorded_run as made
 from edge_tracking.recording.summary import (
     force_unit,
     latencies,
-    pressed,
+    loads_of,
     settled_cycles,
     summarise,
     summarise_recording,
@@ -176,7 +176,7 @@ def test_lost_frames_are_jumps_of_the_sequence(run):
 def test_without_estimates_the_pictures_give_the_force(run, empty):
     bare = dataclasses.replace(run, contacts=empty.contacts, images=dataclasses.replace(
         run.images, unit='counts', frames=np.ones_like(run.images.frames)))
-    series = pressed(bare)
+    series = loads_of(bare)
     assert force_unit(bare) == 'counts m^2'
     np.testing.assert_allclose(series.m0, made.ARRAY.size_x * made.ARRAY.size_y)
     np.testing.assert_allclose(series.centre_of_pressure, 0.0, atol=1e-12)

@@ -147,9 +147,9 @@ def measure(truth: Course, force: float, acceleration: np.ndarray) -> dict[str, 
 
 def judged(numbers: dict[str, Any], success: bool, scene: Scene) -> dict[str, Any]:
     """Return a summary with `ok` and reason, which also consider the truth of the scene."""
-    pressed = (f'the true force was above {OVERFORCE:g} times the wanted one'
-               if numbers['overforce'] else '')
-    objection = (scene.objection(numbers) or pressed) if success else ''
+    overforce = (f'the true force was above {OVERFORCE:g} times the wanted one'
+                 if numbers['overforce'] else '')
+    objection = (scene.objection(numbers) or overforce) if success else ''
     reason = '; but '.join(filter(None, (numbers['reason'], objection)))
     return {'ok': success and not objection, **numbers, 'reason': reason}
 

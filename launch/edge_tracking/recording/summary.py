@@ -228,7 +228,7 @@ def of_servo(run: RunData, scene: str) -> dict[str, Any]:
     }
 
 
-def pressed(run: RunData) -> np.recarray:
+def loads_of(run: RunData) -> np.recarray:
     """Return the contacts or, if these are without moments, a contact of them for each image."""
     if np.isfinite(run.contacts.m0).any():
         return run.contacts
@@ -246,7 +246,7 @@ def force_unit(run: RunData) -> str:
     return 'N' if run.images.unit in ('Pa', '') else f'{run.images.unit} m^2'
 
 
-def to_show(unit: str) -> tuple[float, str]:
+def shown_unit(unit: str) -> tuple[float, str]:
     """Return factor and unit to show forces of a unit: N, or counts mm^2."""
     return (1.0, 'N') if unit == 'N' else (1e6, unit.replace('m^2', 'mm\u00b2'))
 
@@ -263,7 +263,7 @@ def summarise_recording(run: RunData) -> dict[str, Any]:
 
     Forces are in `force_unit`, which is N only for a calibrated sensor.
     """
-    series, images, stamps = pressed(run), run.images, run.stamps['image']
+    series, images, stamps = loads_of(run), run.images, run.stamps['image']
     force, centre = NAN, [NAN, NAN]
     if np.isfinite(series.m0).any():
         strongest = int(np.nanargmax(series.m0))
@@ -291,6 +291,6 @@ def describe_recording(summary: Mapping[str, Any]) -> str:
                       if count) or 'none'
     if not math.isfinite(summary['force_max']):
         return text
-    (factor, unit), (x, y) = to_show(summary['force_unit']), summary['force_max_centre']
+    (factor, unit), (x, y) = shown_unit(summary['force_unit']), summary['force_max_centre']
     return (f'{text}; largest force {factor * summary["force_max"]:.4g} {unit} at '
             f'({1e3 * x:+.2f}, {1e3 * y:+.2f}) mm')

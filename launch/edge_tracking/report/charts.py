@@ -106,7 +106,7 @@ def _around(values: np.ndarray) -> list[float] | None:
 
 def _force(it: Shown, begin: list[Any]) -> dict[str, Any]:
     run, contacts, real = it.run, it.run.contacts, it.real
-    (scale, unit), felt = of_run.to_show(of_run.force_unit(run)), of_run.pressed(run)
+    (scale, unit), felt = of_run.shown_unit(of_run.force_unit(run)), of_run.loads_of(run)
     stamps, force = felt.stamp_ns, felt.m0
     touching = contacts.type != ContactType.NONE
     if 2 * contacts.force_valid[touching].sum() > touching.sum():
@@ -196,7 +196,7 @@ def curvatures(run: RunData) -> list[dict[str, Any]]:
 
 def pressed(run: RunData) -> list[dict[str, Any]]:
     """Return the force, and the centre of pressure over time and on the array."""
-    (scale, unit), series = of_run.to_show(of_run.force_unit(run)), of_run.pressed(run)
+    (scale, unit), series = of_run.shown_unit(of_run.force_unit(run)), of_run.loads_of(run)
     time, centre = run.seconds(series.stamp_ns), 1e3 * series.centre_of_pressure
     loaded = series.m0 > 0.1 * np.nanmax(series.m0, initial=0.0)
     moves = np.where(loaded[:, None], centre, np.nan)
@@ -231,7 +231,7 @@ def chosen(run: RunData, pages: int = 1) -> np.ndarray:
 def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
     """Return the data of a run at some stamps [ns] for the script `player.js`, as JSON types."""
     images, contacts, found = run.images, run.contacts, of_run.stages(run)
-    array, series = images.array, of_run.pressed(run)
+    array, series = images.array, of_run.loads_of(run)
     frames = images.frames[newest(images.stamp_ns, stamps)] if array else images.frames[:0]
     top = float(np.nanmax(frames, initial=0.0))
     placed = np.column_stack([contacts.x, contacts.y, contacts.yaw])
@@ -240,7 +240,7 @@ def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
     placed[centre, :2] = contacts.centre_of_pressure[centre]
     touched = run.touches.matrix[:, :3, 3] if len(run.touches) else run.contour
     force = held(series.stamp_ns, series.m0, stamps, np.nan)
-    scale, unit = of_run.to_show(of_run.force_unit(run))
+    scale, unit = of_run.shown_unit(of_run.force_unit(run))
     return {
         'rows': array.rows if array else 0, 'columns': array.columns if array else 0,
         'pitch': [float(array.pitch_x), float(array.pitch_y)] if array else [1.0, 1.0],

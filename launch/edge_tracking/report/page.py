@@ -127,7 +127,7 @@ def _lead(summary: Mapping[str, Any]) -> str:
 
 
 def _sections(it: Shown, columns: int) -> Iterator[Section]:
-    run, of_servo, stamps = it.run, of_run.is_of_servo(it.run), of_run.pressed(it.run).stamp_ns
+    run, of_servo, stamps = it.run, of_run.is_of_servo(it.run), of_run.loads_of(it.run).stamp_ns
     yield from _player(run, columns)
     if of_servo:
         yield 'Error and force', html.charts(charts.over_time(it)), (
