@@ -133,10 +133,12 @@ def measure(truth: Course, force: float, acceleration: np.ndarray) -> dict[str, 
     """
     way, held = truth.progress[truth.tracking], truth.force[truth.on_target]
     lasted = float(np.ptp(truth.time[truth.tracking])) if len(way) else 0.0
+    hard = truth.force[truth.tracking] > OVERFORCE * force
+    relieved = ~np.minimum.accumulate(hard)  # after what was pressed already at the start
     return {
         'force_target': force, 'force_mean': float(np.mean(held)) if len(held) else NAN,
         'force_rms_error': rms(held - force), 'force_max': largest(truth.force),
-        'overforce': bool(largest(truth.force[truth.tracking]) > OVERFORCE * force),
+        'overforce': bool((hard & relieved).any()),
         'joint_acceleration_max': largest(acceleration),
         'joint_acceleration_rms': largest(np.array(
             [rms(joint[np.isfinite(joint)]) for joint in acceleration.T])),
@@ -147,7 +149,7 @@ def measure(truth: Course, force: float, acceleration: np.ndarray) -> dict[str, 
 
 def judged(numbers: dict[str, Any], success: bool, scene: Scene) -> dict[str, Any]:
     """Return a summary with `ok` and reason, which also consider the truth of the scene."""
-    overforce = (f'the true force was above {OVERFORCE:g} times the wanted one'
+    overforce = (f'the true force rose above {OVERFORCE:g} times the wanted one'
                  if numbers['overforce'] else '')
     objection = (scene.objection(numbers) or overforce) if success else ''
     reason = '; but '.join(filter(None, (numbers['reason'], objection)))

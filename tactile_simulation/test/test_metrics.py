@@ -46,10 +46,12 @@ def test_what_never_happened_is_not_known():
     assert unknown == set(found) - {'force_target', 'force_max', 'overforce'}
 
 
-@pytest.mark.parametrize('largest, ok', [(12.4, True), (12.6, False)])
-def test_a_run_along_an_edge_with_too_much_true_force_is_not_ok(largest, ok):
+@pytest.mark.parametrize('force, ok', [
+    ((99.0, 1.0, 6.0, 12.4), True), ((99.0, 1.0, 6.0, 12.6), False),
+    ((15.0, 15.0, 13.0, 6.0), True), ((15.0, 15.0, 6.0, 13.0), False)])
+def test_a_run_along_an_edge_with_too_much_true_force_is_not_ok(force, ok):
     """The servo reports success: its sensor did not feel this force."""
-    found = numbers(truth(force=np.array([99.0, 1.0, 6.0, largest]), lateral=np.zeros(4)))
+    found = numbers(truth(force=np.array(force), lateral=np.zeros(4)))
     found |= {'tracked_length': 2.0, 'reason': 'the edge ended'}
     summary = metrics.judged(found, True, SCENE)
     assert summary['ok'] == ok and ('true force' in summary['reason']) != ok
