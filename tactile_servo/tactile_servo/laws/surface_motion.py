@@ -28,9 +28,7 @@ TURNED = 0.4  # least motion of the contact relative to the centre's: on an edge
 EDGE = 1.0 / 3.0  # this ratio for an object half as wide as the probe; below it, an edge
 EDGE_SPEED = 0.015  # speed of the centre round an edge [m/s]: the surface behind it is unknown
 BRAKE = 8.0  # deceleration, as a multiple of the acceleration
-# Shares of the joints' acceleration:
-SPARED = 0.5  # share of the rest that speeding up may use
-BRAKED, SLOWED = 0.8, 0.02  # for slowing down, and its least deceleration [m/s^2]
+SPARED = 0.5  # share of the joints' acceleration at rest that speeding up may use
 # The turn accelerates as `speed.acceleration` asks for on a radius of 33 mm [rad/m]; speeding up
 # may use a share of it.
 TURNS, AT_ONCE = 30.0, 0.7
@@ -109,7 +107,7 @@ class SurfaceMotion:
         along = acceleration / shrink
         faster = 0.0 if self._attitude.late else min(
             along, SPARED * pace.acceleration, AT_ONCE * TURNS * acceleration / turn)
-        slower = min(BRAKE * along, max(BRAKED * pace.acceleration, SLOWED))
+        slower = BRAKE * acceleration
         self._speed = min(max(top, self._speed - slower * dt), self._speed + faster * dt,
                           step.top / shrink)
         self.speed = self._speed * shrink  # of the contact
