@@ -38,7 +38,7 @@ def judged():
     return rows
 
 
-@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('seed', [0, *(pytest.param(it, marks=pytest.mark.long) for it in (1, 2))])
 @pytest.mark.parametrize('backing', [4e-3, np.inf])
 def test_few_tactels_under_a_press_are_no_reason_for_doubt(backing, seed):
     """Each press has about a dozen loaded tactels, and five unknowns of its own."""

@@ -196,7 +196,7 @@ def test_a_threshold_that_is_not_declared_is_seen(presses, share, depth, subtrac
         assert np.nanmean(noise * records['normal_force']) == pytest.approx(1.0, abs=0.01)
 
 
-@pytest.mark.parametrize('decibels', [30.0, 40.0, 200.0])
+@pytest.mark.parametrize('decibels', [30.0, pytest.param(40.0, marks=pytest.mark.long), 200.0])
 @pytest.mark.parametrize('peak', [15.0, 200.0, 3000.0])
 def test_rounding_cuts_nothing_off(presses, peak, decibels):
     _, _, clean, _ = presses

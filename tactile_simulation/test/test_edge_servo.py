@@ -49,7 +49,8 @@ def test_straight_edge_is_tracked_within_the_bars(loop):
 
 
 @pytest.mark.parametrize('scene, speed, rms, largest', [
-    ('two_segments', 0.026, 0.4e-3, 2.0e-3), ('curve', 0.023, 0.45e-3, 0.6e-3)])
+    ('two_segments', 0.026, 0.4e-3, 2.0e-3),
+    pytest.param('curve', 0.023, 0.45e-3, 0.6e-3, marks=pytest.mark.long)])
 def test_corner_and_curve_are_held_as_well_as_by_the_thesis(scene, speed, rms, largest):
     loop = puma_loop(scene)
     loop.run(EdgeGoal(speed, 5.0, length=0.11), 20.0)

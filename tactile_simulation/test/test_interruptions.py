@@ -148,7 +148,8 @@ def test_a_robot_is_not_blamed_for_a_pause_of_the_servo(speed, pause):
 
 
 @pytest.mark.parametrize('what, seconds', [
-    ('controller', 0.4), ('servo', 1.0), ('joints', 1.0), ('sensing', 1.0)])
+    ('controller', 0.4), ('sensing', 1.0), *(
+        pytest.param(it, 1.0, marks=pytest.mark.long) for it in ('servo', 'joints'))])
 def test_the_law_of_the_thesis_is_interrupted_likewise(what, seconds):
     interrupted('resolved_rate', State.TRACK, what, seconds, seed=1)
 
@@ -176,7 +177,7 @@ def test_a_short_hold_amid_a_search_needs_no_sight_of_the_edge_to_end():
     it.check()
 
 
-@pytest.mark.parametrize('speed', [0.03, 0.1])
+@pytest.mark.parametrize('speed', [pytest.param(0.03, marks=pytest.mark.long), 0.1])
 def test_interruptions_beyond_the_end_do_not_count_as_tracked(speed):
     goal, lengths = EdgeGoal(speed, 5.0, direction=-1), []
     for breaks in (0, 3):

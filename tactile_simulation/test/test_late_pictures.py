@@ -93,7 +93,8 @@ def simulated(scene='straight', goal=GOAL, **options):
 
 # With latencies of 2.5 to 10 ms: test_edge_servo.py, test_resolved_rate.py.
 @pytest.mark.parametrize('scene, length, largest', [
-    ('two_segments', 0.12, 2.0e-3), ('curve', 0.06, 0.6e-3), ('straight_3d', 0.12, 0.5e-3)])
+    ('two_segments', 0.12, 2.0e-3), ('curve', 0.06, 0.6e-3),
+    pytest.param('straight_3d', 0.12, 0.5e-3, marks=pytest.mark.long)])
 def test_late_pictures_do_not_make_it_swing(scene, length, largest):
     loop, most = simulated(scene, replace(GOAL, length=length), latency=0.08)
     assert loop.servo.success, loop.servo.reason
@@ -122,7 +123,8 @@ def test_a_loop_that_swings_ends_in_a_refusal(monkeypatch):
     assert loop.log[-1].force == 0.0  # lifted off
 
 
-@pytest.mark.parametrize('rate, dead_time', [(50.0, 2.5e-3), (80.0, 2.5e-3), (500.0, 0.04)])
+@pytest.mark.parametrize('rate, dead_time', [
+    (50.0, 2.5e-3), (500.0, 0.04), pytest.param(80.0, 2.5e-3, marks=pytest.mark.long)])
 def test_a_robot_that_is_late_does_not_make_it_swing(rate, dead_time, monkeypatch):
     """With the full lateral gain the errors were .75, .066 and 2.3 mm RMS."""
     monkeypatch.setattr(closed_loop, 'ROBOT_STEP', 1.0 / rate)

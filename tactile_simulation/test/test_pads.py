@@ -80,8 +80,9 @@ def test_a_skin_with_a_memory_ends_where_the_edge_ends(tmp_path, pad, skin, sens
     assert summary['force_max'] < 7.0
 
 
-@pytest.mark.parametrize('creep', [0.12, 0.25])
-@pytest.mark.parametrize('force', [5.0, 8.0])
+@pytest.mark.parametrize('creep, force', [
+    (0.12, 8.0), (0.25, 5.0), *(pytest.param(*it, marks=pytest.mark.long) for it in (
+        (0.12, 5.0), (0.25, 8.0)))])
 def test_a_skin_that_keeps_much_ends_where_the_edge_ends(creep, force):
     """Beyond the end it still reads up to a fifth of the force, along the edge that it left."""
     scene = load_scene('straight')
@@ -105,7 +106,8 @@ def test_a_pad_that_is_still_lightly_on_the_edge_slides_off_it(monkeypatch):
 
 
 @pytest.mark.parametrize('path', [
-    '{straight: 0.16}', '{straight: 0.06}, {turn: 40}, {straight: 0.1}'])
+    pytest.param('{straight: 0.16}', marks=pytest.mark.long),
+    '{straight: 0.06}, {turn: 40}, {straight: 0.1}'])
 def test_an_edge_does_not_end_where_a_coarse_pad_sees_no_ridge(tmp_path, path):
     """Ridges of 5 x 5 tactels are within 8 of 12.5 mm: the edge seemed to end there."""
     scene = on_an_edge(tmp_path, path, 'depth: 0.001, stiffness: 100000.0', size(5, '5.0'),
@@ -129,7 +131,7 @@ def test_the_unfelt_force_is_that_of_the_skin(stiffness):
     assert law.unfelt == pytest.approx(world.force(deeper) - world.force(pose), rel=0.1)
 
 
-@pytest.mark.parametrize('tilt', [-4.0, 0.0, 4.0])
+@pytest.mark.parametrize('tilt', [-4.0, pytest.param(0.0, marks=pytest.mark.long), 4.0])
 @pytest.mark.parametrize('tactels, pitch, stiffness, force', [
     (16, 1.6, 5e5, 2.0), (8, 4.0, 2e5, 2.0)])
 def test_a_tilted_pad_turns_onto_the_edge(tmp_path, monkeypatch, tilt, tactels, pitch, stiffness,

@@ -145,7 +145,7 @@ def test_a_singular_wrist_leads_off_no_edge(near, tmp_path, capsys):
 
 
 @pytest.mark.parametrize('law, start', [
-    ('trace', (0.17, 1.49, -1.19, -1.07, -1.28, 0.51)),
+    pytest.param('trace', (0.17, 1.49, -1.19, -1.07, -1.28, 0.51), marks=pytest.mark.long),
     ('resolved_rate', (0.71, 0.2, -0.85, -1.47, 0.23, -1.32))])
 def test_an_arm_that_meets_a_singularity_says_so(law, start, tmp_path, capsys):
     """A PUMA 260 on a base from where these joint positions are at the start of the course."""

@@ -54,7 +54,8 @@ def run_tilted(scene, goal, tilt, *faults, **how):
 @pytest.mark.parametrize('order, rearranged', [
     ('columns reversed', np.fliplr), ('rows reversed', np.flipud),
     ('rows and columns reversed', lambda image: image[::-1, ::-1])])
-@pytest.mark.parametrize('law', ['trace', 'resolved_rate'])
+@pytest.mark.parametrize('law', [
+    'trace', pytest.param('resolved_rate', marks=pytest.mark.long)])
 def test_images_in_another_order_are_noticed_while_the_edge_is_on_the_pad(
         law, order, rearranged):
     """The corrections go the wrong way: the pad would leave the edge."""
@@ -92,8 +93,9 @@ def pressed_again(simulation):
 
 
 @pytest.mark.parametrize('law, speed, tilt', [
-    ('trace', 0.1, 0.5), ('trace', 0.05, 3.0), ('trace', 0.05, -1.0),
-    ('resolved_rate', 0.05, -2.0), pytest.param('trace', 0.03, 4.0, marks=pytest.mark.long)])
+    ('trace', 0.1, 0.5), ('trace', 0.05, 3.0), ('resolved_rate', 0.05, -2.0), *(
+        pytest.param(*it, marks=pytest.mark.long) for it in (
+            ('trace', 0.05, -1.0), ('trace', 0.03, 4.0)))])
 def test_a_sensor_that_is_mounted_with_a_tilt_is_tested_again(law, speed, tilt):
     """The robot believes that it moves deeper, without a larger force."""
     goal = EdgeGoal(speed, FORCE, length=0.12)
@@ -105,8 +107,10 @@ def test_a_sensor_that_is_mounted_with_a_tilt_is_tested_again(law, speed, tilt):
 
 
 @pytest.mark.parametrize('surface, tilt, heading', [
-    ('plane', (0.0, -1.0), (1.0, 0.0, 0.0)), ('plane', (0.0, 2.0), (1.0, 0.0, 0.0)),
-    ('sphere_126', (1.5, 0.0), (0.0, 1.0, 0.0)), ('cylinder_65', (-1.0, 1.0), (0.0, -1.0, 0.0))])
+    ('plane', (0.0, 2.0), (1.0, 0.0, 0.0)), ('cylinder_65', (-1.0, 1.0), (0.0, -1.0, 0.0)), *(
+        pytest.param(*it, marks=pytest.mark.long) for it in (
+            ('plane', (0.0, -1.0), (1.0, 0.0, 0.0)),
+            ('sphere_126', (1.5, 0.0), (0.0, 1.0, 0.0))))])
 def test_a_tilt_of_the_sensor_ends_no_goal_on_a_surface(surface, tilt, heading):
     goal = SurfaceGoal(0.05, FORCE, Pattern.LINE, heading, 0.04)
     simulation, summary = run_tilted(f'surfaces/{surface}', goal, tilt)
@@ -114,7 +118,7 @@ def test_a_tilt_of_the_sensor_ends_no_goal_on_a_surface(surface, tilt, heading):
     assert summary['force_max'] < 1.3 * FORCE and pressed_again(simulation)
 
 
-@pytest.mark.parametrize('tilt', [-3.0, -1.0, 1.0])
+@pytest.mark.parametrize('tilt', [-3.0, pytest.param(-1.0, marks=pytest.mark.long), 1.0])
 def test_a_tilt_does_not_hide_a_gain_that_fell(tilt):
     """Tilted backwards, 7.5 N of 5 to the end were a success."""
     goal = EdgeGoal(0.03, FORCE)
@@ -160,9 +164,10 @@ def test_gain_that_fades_is_no_edge_that_descends():
 
 
 @pytest.mark.parametrize('scene, speed', [
-    ('wave', 0.1), ('straight_3d', 0.1), ('straight_3d', 0.2), ('straight', 0.2),
-    pytest.param('wave', 0.2, marks=pytest.mark.xfail(
-        strict=True, reason='pressed with 19 N: one channel does not see a gain lost before'))])
+    ('wave', 0.1), ('straight_3d', 0.1), ('straight', 0.2),
+    pytest.param('straight_3d', 0.2, marks=pytest.mark.long),
+    pytest.param('wave', 0.2, marks=(pytest.mark.long, pytest.mark.xfail(
+        strict=True, reason='pressed with 19 N: one channel does not see a gain lost before')))])
 def test_gain_that_fades_from_before_the_touch_is_no_success(scene, speed):
     _, summary = run(scene, EdgeGoal(speed, 8.0, length=0.1), 'fade@0:4', law='resolved_rate')
     assert not summary['ok'], summary['reason']

@@ -227,7 +227,8 @@ def hear_late(simulation, lateness, what, begin, seconds=0.3):
 
 
 @pytest.mark.parametrize('what', [
-    pytest.param('joint states', marks=pytest.mark.long), 'pictures', 'everything'])
+    *(pytest.param(it, marks=pytest.mark.long) for it in ('joint states', 'pictures')),
+    'everything'])
 @pytest.mark.parametrize('law', ['surface', 'edge'])
 def test_what_comes_late_as_it_touches_adds_little_force(law, what):
     for before in (0.1, 0.0):

@@ -43,8 +43,8 @@ def test_open_edges_are_tracked_within_the_bars(scene, speed, rms, largest):
 
 
 @pytest.mark.parametrize('scene, speed, yaw', [
-    ('straight', 0.1, 3.0), ('course', 0.1, -3.0), ('straight', 0.03, 8.0),
-    pytest.param('tape_case', 0.1, 3.0, marks=pytest.mark.long)])
+    ('course', 0.1, -3.0), ('straight', 0.03, 8.0), *(
+        pytest.param(it, 0.1, 3.0, marks=pytest.mark.long) for it in ('straight', 'tape_case'))])
 def test_a_sensor_turned_about_its_normal_is_not_drawn_aside(scene, speed, yaw):
     """It was: .35 mm RMS with 3 degrees at 100 mm/s."""
     scene = load_scene(ROOT / f'launch/scenes/{scene}.yaml')
@@ -116,8 +116,9 @@ def test_every_corner_is_a_state_of_its_own_and_tracked():
 
 
 @pytest.mark.parametrize('scene, seed', [
-    ('gap', 0), ('step_down', 3), ('slip', 0), ('noise', 0), ('wave', 0), ('step_up', 1),
-    ('dead_tactels', 2), ('gain_spread', 0), ('stamps', 0)])
+    ('gap', 0), ('step_down', 3), ('slip', 0), ('noise', 0), ('dead_tactels', 2), ('stamps', 0),
+    *(pytest.param(*it, marks=pytest.mark.long) for it in (
+        ('wave', 0), ('step_up', 1), ('gain_spread', 0)))])
 def test_hard_scenes_are_survived(scene, seed):
     _, summary = follow(scene, 0.1, seed)
     assert summary['ok'], summary['reason']
@@ -130,7 +131,7 @@ def test_hard_scenes_are_survived(scene, seed):
         assert summary['lateral_max'] < 0.5e-3
 
 
-@pytest.mark.parametrize('seed', [1, 2])
+@pytest.mark.parametrize('seed', [1, pytest.param(2, marks=pytest.mark.long)])
 def test_a_pad_that_stands_askew_coasts_until_the_edge_has_passed(seed):
     """Beyond an arc at full speed the pad has not turned in yet: its diagonal lies along."""
     _, summary = follow('curve', 0.2, seed)
@@ -146,8 +147,9 @@ def test_saturated_tactels_slow_the_pad_down_beyond_the_end_too():
     assert loop.servo.success, loop.servo.reason
 
 
-@pytest.mark.parametrize('law', ['trace', 'resolved_rate'])
-@pytest.mark.parametrize('length, success', [(0.009, False), (0.02, True)])
+@pytest.mark.parametrize('law, length, success', [
+    ('trace', 0.009, False), ('trace', 0.02, True), ('resolved_rate', 0.009, False),
+    pytest.param('resolved_rate', 0.02, True, marks=pytest.mark.long)])
 def test_success_needs_an_edge_that_is_longer_than_the_settling(law, length, success):
     """What the pad coasts beyond the end does not count."""
     scene = EdgeScene('short', '', lifted(
@@ -269,8 +271,8 @@ def test_latency_is_no_part_of_the_lateral_loop():
 
 
 @pytest.mark.parametrize('scene, latency', [
-    pytest.param('gap', 0.06, marks=pytest.mark.xfail(strict=True, reason=(
-        'beyond a gap the edge comes under a pad that has not seen it: 6 to 12 N by the seed'))),
+    pytest.param('gap', 0.06, marks=(pytest.mark.long, pytest.mark.xfail(strict=True, reason=(
+        'beyond a gap the edge comes under a pad that has not seen it: 6 to 12 N by the seed')))),
     ('two_segments', 0.08)])
 def test_late_pictures_do_no_harm_at_any_speed(scene, latency):
     for seed in (3, 4):

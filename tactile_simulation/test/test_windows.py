@@ -132,7 +132,8 @@ def test_a_corner_at_100_mm_s_is_taken_with_what_the_joints_can_accelerate():
 
 
 @pytest.mark.parametrize('rate, speed, missed, least, most', [
-    (100.0, 0.03, 0.0, 2.5, 6.5), (200.0, 0.03, 0.3, 2.5, 6.5), (50.0, 0.1, 0.3, 0.0, 8.0)])
+    (100.0, 0.03, 0.0, 2.5, 6.5), (50.0, 0.1, 0.3, 0.0, 8.0),
+    pytest.param(200.0, 0.03, 0.3, 2.5, 6.5, marks=pytest.mark.long)])
 def test_a_servo_with_few_cycles_keeps_the_force_at_a_corner(
         rate, speed, missed, least, most):
     """It lifted off before the corner (.6, 1.3 N), or a pause pressed on (17 N)."""
@@ -200,7 +201,8 @@ def test_a_robot_whose_windows_come_far_too_late_is_not_moved():
     assert np.ptp([command for _, command in loop.commands], axis=0).max() < 1e-4
 
 
-@pytest.mark.parametrize('begin', [2.0, 2.3, 2.6])
+@pytest.mark.parametrize('begin', [2.3, *(pytest.param(it, marks=pytest.mark.long)
+                                         for it in (2.0, 2.6))])
 def test_windows_that_are_suddenly_far_too_late_are_no_longer_sent(begin):
     loop = late_loop(0.06, begin)
     assert 'late' in loop.servo.reason.text
