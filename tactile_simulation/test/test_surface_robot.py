@@ -102,8 +102,7 @@ def paused_at(progress, name='sphere_126'):
     return deepcopy(_paused(name, progress))
 
 
-@pytest.mark.parametrize('name, progress', [
-    ('cylinder_65', 0.01), pytest.param('sphere_70', 0.03, marks=pytest.mark.long)])
+@pytest.mark.parametrize('name, progress', [('cylinder_65', 0.01), ('sphere_70', 0.03)])
 def test_a_stop_that_leads_off_a_small_object_is_made_good(name, progress):
     simulation = paused_at(progress, name)
     paused = len(simulation.log)

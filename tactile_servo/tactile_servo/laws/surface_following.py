@@ -197,6 +197,7 @@ class SurfaceFollowing(ServoLaw):
     def resume(self) -> None:
         self._motion.reset()
         self.press.forget()
+        self._met = False  # it may have lifted off
         self._stall.seen = None
 
     def observe(self, observation: Observation) -> None:
