@@ -93,9 +93,10 @@ def pressed_again(simulation):
 
 
 @pytest.mark.parametrize('law, speed, tilt', [
-    ('trace', 0.1, 0.5), ('trace', 0.05, 3.0), ('resolved_rate', 0.05, -2.0), *(
-        pytest.param(*it, marks=pytest.mark.long) for it in (
-            ('trace', 0.05, -1.0), ('trace', 0.03, 4.0)))])
+    ('trace', 0.1, 0.5), ('trace', 0.05, 3.0), ('resolved_rate', 0.05, -2.0),
+    pytest.param('trace', 0.05, -1.0, marks=pytest.mark.long),
+    pytest.param('trace', 0.03, 4.0, marks=(pytest.mark.long, pytest.mark.xfail(
+        strict=True, reason='the first test measures .86 of the stiffness, the next all of it')))])
 def test_a_sensor_that_is_mounted_with_a_tilt_is_tested_again(law, speed, tilt):
     """The robot believes that it moves deeper, without a larger force."""
     goal = EdgeGoal(speed, FORCE, length=0.12)
