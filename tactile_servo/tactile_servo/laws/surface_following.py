@@ -182,7 +182,7 @@ class SurfaceFollowing(ServoLaw):
         self._problem: Reason | None = None
         self._unplaced = False
         self._path: SurfacePath | None = None
-        self._met = False  # True once the force was reached
+        self._met = False  # True once the force was reached, since the last hold
         self._end: Assessment | None = None  # set when the path has ended
         self._over = False  # True after the goal: contacts during lift-off are not recorded
         self._stall = Stall()

@@ -28,7 +28,7 @@ TURNED = 0.4  # least motion of the contact relative to the centre's: on an edge
 EDGE = 1.0 / 3.0  # this ratio for an object half as wide as the probe; below it, an edge
 EDGE_SPEED = 0.015  # speed of the centre round an edge [m/s]: the surface behind it is unknown
 BRAKE = 8.0  # deceleration, as a multiple of the acceleration
-SPARED = 0.5  # share of the joints' acceleration at rest that speeding up may use
+SPARED = 0.5  # share of the acceleration that the joints have left, which speeding up may use
 # The turn accelerates as `speed.acceleration` asks for on a radius of 33 mm [rad/m]; speeding up
 # may use a share of it.
 TURNS, AT_ONCE = 30.0, 0.7
