@@ -1,5 +1,7 @@
 """Which package, room and module may import which; and that each rule sees what breaks it."""
 from pathlib import Path
+import subprocess
+import sys
 
 import pytest
 from tactile_tests import import_rules
@@ -37,6 +39,8 @@ SOUND = {
         'from tactile_sensing.nodes.driver import D\nimport tactile_simulation.scene',
     'benchmarks/edge/charts.py': 'import matplotlib\nimport tactile_servo.laws.law',
 }
+SCIPY = {f'scipy.{name}' for name in (
+    'linalg', 'ndimage', 'optimize', 'sparse', 'spatial', 'special')}
 SERVO, SENSING = 'tactile_servo/tactile_servo/', 'tactile_sensing/tactile_sensing/'
 
 
@@ -131,3 +135,16 @@ def test_what_may_be(tmp_path):
         SENSING + 'b.py': 'import tactile_sensing.a'})
     for rule in ('core_with_ros', 'offline_where_it_runs', 'import_cycles'):
         assert getattr(import_rules, rule)(tree) == []
+
+
+@pytest.mark.parametrize('modules, unused', [
+    ('tactile_sensing.nodes.contact_estimator, tactile_shape.nodes.shape_estimator, '
+     'tactile_servo.nodes.servo, tactile_simulation.nodes.mock_sensor', SCIPY),
+    ('edge_tracking.view, tactile_sensing.nodes.driver', SCIPY | {'numba', 'pinocchio'})])
+def test_a_node_does_not_load_what_it_may_never_use(modules, unused):
+    """Each of these takes .1 to 1 s and 20 to 50 MB."""
+    loaded = subprocess.run(
+        [sys.executable, '-c', f'import sys, {modules}; print(*sys.modules)'],
+        check=True, capture_output=True, text=True).stdout.split()
+    assert set(modules.split(', ')) <= set(loaded)
+    assert not unused & set(loaded)

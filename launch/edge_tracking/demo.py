@@ -33,6 +33,7 @@ from tactile_common.command_line import (
     INTERRUPTED,
     Parser,
     refusing,
+    to_json,
 )
 from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.parameter_file import ParameterFile
@@ -47,7 +48,7 @@ from tactile_servo.types import State
 from tactile_shape.contour.object_model import ObjectModel
 from tactile_shape.mesh import save_mesh
 from tactile_simulation.cli.simulate import LAW_HELP, SEED
-from tactile_simulation.metrics import describe, to_json
+from tactile_simulation.metrics import describe
 from tactile_simulation.scene import describe_scenes, find_scene, load_scene
 from tactile_simulation.world import Scene
 

@@ -21,7 +21,7 @@ from sensor_msgs.msg import Image
 from edge_tracking.resources import NAMESPACE
 from edge_tracking.web.page import COLOURS, INVALID, levels, make_page, packed
 from edge_tracking.web.server import NOTHING, Server
-from tactile_common.command_line import Parser, refusing
+from tactile_common.command_line import Parser, refusing, to_json
 from tactile_common.config import bounded, documented
 from tactile_common.errors import TactileError
 from tactile_common.ros.cdr import unpacked
@@ -33,7 +33,6 @@ from tactile_msgs.msg import Contact, ServoStatus, TactileImage
 from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.types.contact import ContactType, Reason
 from tactile_servo.types import State
-from tactile_simulation.metrics import to_json
 
 ATTENTION = 0.5  # s between checks for viewers
 PERIOD = 1.0 / 30.0  # s between shown images

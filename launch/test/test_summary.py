@@ -16,9 +16,9 @@ from edge_tracking.recording.summary import (
     summarise_recording,
     truth,
 )
+from tactile_common.command_line import to_json
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import State
-from tactile_simulation.metrics import to_json
 
 DESIGN_KEYS = {
     'ok', 'state', 'reason', 'reason_code', 'scene', 'law', 'seed', 'speed',

@@ -1,8 +1,9 @@
 """Command-line parsing and one-line error messages for all commands."""
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
+import json
 from pathlib import Path
 import sys
 from traceback import extract_tb
@@ -67,6 +68,12 @@ def file_to_write(*endings: str) -> Callable[[str], Path]:
             raise argparse.ArgumentTypeError(f'{text}: {why}')
         return path
     return convert
+
+
+def to_json(summary: Mapping[str, Any]) -> str:
+    """Return a summary as one line of JSON; NaN and infinity become null."""
+    text = json.dumps(summary, default=lambda of_numpy: of_numpy.tolist())
+    return json.dumps(json.loads(text, parse_constant=lambda _: None))
 
 
 @contextmanager

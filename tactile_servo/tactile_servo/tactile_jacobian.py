@@ -11,6 +11,8 @@ import os
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+import scipy
 
 from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays
@@ -57,10 +59,9 @@ def filled(pressure: np.ndarray, most: float) -> np.ndarray | None:
         return np.asarray(pressure, dtype=float)
     if missing.mean() > most:
         return None
-    from scipy.ndimage import convolve  # most sensors never need it
     known = np.where(missing, 0.0, pressure)
-    total, count = (convolve(values, np.ones((3, 3)), mode='constant')
-                    for values in (known, (~missing).astype(float)))
+    total, count = (sliding_window_view(np.pad(values, 1), (3, 3)).sum(axis=(2, 3))
+                    for values in (known, ~missing))
     return np.where(missing, total / np.maximum(count, 1.0), known)
 
 
@@ -215,9 +216,8 @@ class JacobianTable:
                        & (self.condition <= WORST_CONDITION))
         if not self.usable.any():
             raise ConfigurationError(f'table: none of its {count} entries is usable')
-        from scipy.spatial import cKDTree  # needs 35 MB, and is used only here
         self._index = np.flatnonzero(self.usable)
-        self._tree = cKDTree(self.features[self._index] / self.scale)
+        self._tree = scipy.spatial.cKDTree(self.features[self._index] / self.scale)
         self._last: np.ndarray | None = None
 
     def nearest(self, features: np.ndarray) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Metrics of a run, simulated or recorded, compared with the truth of its scene."""
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-import json
 import math
 from typing import Any
 
@@ -190,9 +189,3 @@ def describe(summary: Mapping[str, Any]) -> str:
     lines += [f'{entry["time"]:8.3f} s  {entry["state"]}: {entry["reason"]}'
               for entry in summary.get('states', ())]
     return '\n'.join(lines)
-
-
-def to_json(summary: Mapping[str, Any]) -> str:
-    """Return a summary as one line of JSON; NaN and infinity become null."""
-    text = json.dumps(summary, default=lambda of_numpy: of_numpy.tolist())
-    return json.dumps(json.loads(text, parse_constant=lambda _: None))

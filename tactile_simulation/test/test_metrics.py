@@ -1,7 +1,5 @@
 """The table of numbers: what follows from the truth, and how it is shown."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -111,11 +109,3 @@ def test_a_machine_that_is_too_busy_is_told():
         assert metrics.busy(idle) == ''
     assert '24 of 120 control cycles' in metrics.busy(counts | {'missed_cycles': 24})
     assert '203 images' in metrics.busy(counts | {'missed_cycles': 24})
-
-
-def test_json_is_one_object_without_nan():
-    text = metrics.to_json({'a': metrics.NAN, 'b': [np.float64(1.5), np.inf], 'c': np.int64(2),
-                    'd': {'e': np.bool_(True)}, 'f': np.array([1.0, np.nan])})
-    assert '\n' not in text
-    assert json.loads(text) == {
-        'a': None, 'b': [1.5, None], 'c': 2, 'd': {'e': True}, 'f': [1.0, None]}

@@ -22,12 +22,12 @@ from edge_tracking.process_group import apart
 from edge_tracking.recording.run import read_run
 from edge_tracking.resources import share
 from edge_tracking.track import RESUMES, TrackNode
+from tactile_common.command_line import to_json
 from tactile_common.ros.bag_reader import Bag
 from tactile_common.ros.conversions import stamp_to_ns
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.types import State
 from tactile_simulation.edge_world import EdgeWorld
-from tactile_simulation.metrics import to_json
 from tactile_simulation.scene import find_scene, load_scene
 
 GIVE_UP = 60.0  # s for one goal

@@ -20,10 +20,17 @@ from edge_tracking.recording.summary import Shown
 from edge_tracking.report import charts
 from edge_tracking.web import page as html
 from tactile_common.atomic_file import replacing
-from tactile_common.command_line import file_to_write, Help, Parser, refusing, version_of_all
+from tactile_common.command_line import (
+    file_to_write,
+    Help,
+    Parser,
+    refusing,
+    to_json,
+    version_of_all,
+)
 from tactile_common.errors import ConfigurationError
 from tactile_servo.laws.registry import DEFAULT, LAWS
-from tactile_simulation.metrics import busy, percentile, rate, shown, to_json
+from tactile_simulation.metrics import busy, percentile, rate, shown
 from tactile_simulation.scene import describe_scenes, load_scene
 
 LEAST = 6e-3  # m, smallest extent of the contacts with a surface

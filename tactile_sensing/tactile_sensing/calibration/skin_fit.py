@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
-from scipy.special import expit
+import scipy
 
 from tactile_sensing.calibration.likelihood import (
     FIXED,
@@ -101,7 +101,7 @@ def fit_presses(presses: Presses, ball_radius: float, *, area: bool = True,
         plain = problem.settle(plain)
         # A backing may exist although it does not show. The variance that its effect adds follows
         # from its probability.
-        likely = expit(0.5 * evidence - math.log(BARE))
+        likely = scipy.special.expit(0.5 * evidence - math.log(BARE))
         return _result(problem, plain, likely**0.5 * np.append(
             layer.kind - plain.kind, np.log(layer.level / plain.level)))
     problem.known[1] = 1.0

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter
+import scipy
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.devices.counts import Counts, MAX_BITS
@@ -74,7 +74,7 @@ def touched(frames: np.ndarray, counts: Counts) -> np.ndarray:
     usual = np.median(np.abs(off), axis=0) / 0.6745
     # Of steps of the converter the median shows nothing.
     noise = np.maximum(usual, max(counts.threshold - counts.lowest, 2) / THRESHOLD_STD)
-    together = 3.0 * uniform_filter(off / noise, (1, 3, 3), mode='constant')
+    together = 3.0 * scipy.ndimage.uniform_filter(off / noise, (1, 3, 3), mode='constant')
     return np.abs(together).max(axis=(1, 2)) > TOGETHER
 
 

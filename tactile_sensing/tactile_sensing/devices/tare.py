@@ -2,7 +2,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp, ndtr
+import scipy
 
 from tactile_common.errors import TactileError
 
@@ -37,7 +37,7 @@ class Tare:
 
 def missing_mean(z: np.ndarray) -> np.ndarray:
     """Return minus the mean of a standard normal variable that is known to be below z."""
-    return np.exp(-0.5 * np.square(z) - 0.5 * np.log(2.0 * np.pi) - log_ndtr(z))
+    return np.exp(-0.5 * np.square(z) - 0.5 * np.log(2.0 * np.pi) - scipy.special.log_ndtr(z))
 
 
 def unloaded_statistics(frames: np.ndarray, threshold: float, lowest: float,
@@ -97,13 +97,14 @@ def _rounded(frames: np.ndarray, threshold: float,
     means = np.linspace(-3.0, 1.0, 161)
     best, centre, std = -np.inf, np.zeros(usual.shape), 0.0
     for trial in np.geomspace(0.03, 1.5 * QUIET, 60):
-        edges = ndtr((np.append(LEVELS, LEVELS[-1] + 1) - 0.5 - means[:, None]) / trial)
+        edges = scipy.special.ndtr(
+            (np.append(LEVELS, LEVELS[-1] + 1) - 0.5 - means[:, None]) / trial)
         likely = shown @ np.log(np.diff(edges) + 1e-12).T
         for k in np.flatnonzero(np.isin(LEVELS, below)):
             chance = np.diff(edges)
             chance[:, k] = edges[:, k + 1]
             likely[below == LEVELS[k]] = shown[below == LEVELS[k]] @ np.log(chance + 1e-12).T
-        total = logsumexp(likely, axis=-1)
+        total = scipy.special.logsumexp(likely, axis=-1)
         if total[known].sum() > best:
             best, std = total[known].sum(), trial
             centre = np.exp(likely - total[..., None]) @ means

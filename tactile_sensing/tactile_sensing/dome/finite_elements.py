@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 import zipfile
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.linalg import splu, SuperLU
+import scipy
 
 from tactile_common.config import bounded, check_fields
 from tactile_common.errors import ConfigurationError
@@ -115,7 +114,7 @@ def solve(dome: Dome, skin: SkinConfig, array: TactelArray,
     radius = np.linalg.norm(basis.doflocs, axis=0)
     free = np.flatnonzero(radius > dome.core_radius + 1e-3 * (dome.skin_radius - dome.core_radius))
     progress(0.15, 'factorisation')
-    factor = splu(stiffness[free][:, free].tocsc(), permc_spec='MMD_AT_PLUS_A',
+    factor = scipy.sparse.linalg.splu(stiffness[free][:, free].tocsc(), permc_spec='MMD_AT_PLUS_A',
                   options={'SymmetricMode': True}, diag_pivot_thresh=0.0)
     progress(0.5, "Green's functions")
     place = _Places(flat, borders, basis)
@@ -154,7 +153,8 @@ class _Places:
                      for axis, along in zip(self._borders, places, strict=True))
 
     def functional(self, angles: np.ndarray, radius: float,
-                   of: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> csr_matrix:
+                   of: Callable[[np.ndarray, np.ndarray], np.ndarray]
+                   ) -> 'scipy.sparse.csr_matrix':
         """
         Return M numbers at each of N places as a matrix (N * M, degrees of freedom).
 
@@ -172,11 +172,12 @@ class _Places:
         count = values[0].size
         columns = np.repeat(basis.element_dofs[:, cells], values.shape[2])
         rows = np.tile(np.arange(count), basis.Nbfun)
-        return coo_matrix((values.ravel(), (rows, columns)), shape=(count, basis.N)).tocsr()
+        return scipy.sparse.coo_matrix(
+            (values.ravel(), (rows, columns)), shape=(count, basis.N)).tocsr()
 
 
 def _readings(place: _Places, dome: Dome, skin: SkinConfig, array: TactelArray,
-              lame: tuple[float, float]) -> csr_matrix:
+              lame: tuple[float, float]) -> 'scipy.sparse.csr_matrix':
     """
     Return the functional of each tactel, one per row.
 
@@ -201,7 +202,7 @@ def _readings(place: _Places, dome: Dome, skin: SkinConfig, array: TactelArray,
 
 
 def _surface(place: _Places, dome: Dome,
-             skin: SkinConfig) -> tuple[np.ndarray, np.ndarray, csr_matrix]:
+             skin: SkinConfig) -> tuple[np.ndarray, np.ndarray, 'scipy.sparse.csr_matrix']:
     """Return surface points (N, 3), their areas (N,), and their displacements (3 N, dofs)."""
     fine = skin.across * skin.points
     angle = (np.arange(fine) + 0.5) / fine * 2.0 * skin.half_angle - skin.half_angle
@@ -217,8 +218,8 @@ def _surface(place: _Places, dome: Dome,
     return dome.skin_radius * _cube_direction(*angles).T, areas, values
 
 
-def _modulus(values: csr_matrix, factor: SuperLU, points: np.ndarray, areas: np.ndarray,
-             dome: Dome) -> np.ndarray:
+def _modulus(values: 'scipy.sparse.csr_matrix', factor: 'scipy.sparse.linalg.SuperLU',
+             points: np.ndarray, areas: np.ndarray, dome: Dome) -> np.ndarray:
     """Return pressure over indentation for a patch with the skin's thickness as radius [Pa/m]."""
     radius = dome.skin_radius - dome.core_radius
     outward = points / dome.skin_radius

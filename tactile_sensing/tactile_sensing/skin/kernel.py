@@ -15,6 +15,7 @@ Tactels that are too large for this are split into squares.
 from functools import lru_cache
 
 import numpy as np
+import scipy
 
 from tactile_sensing.types.skin import Skin
 
@@ -90,7 +91,7 @@ def _transforms() -> np.ndarray:
 
     Shape (2, 2, DEGREE + 1, wave numbers): point and line; f and g; powers of t.
     """
-    from scipy.special import j0, j1  # 35 MB that only a fit needs
+    j0, j1 = scipy.special.j0, scipy.special.j1
     k, weights = _quadrature()
     nearest = CENTRE**2 / (REACH**2 + CENTRE**2)
     t = nearest + (1.0 - nearest) * 0.5 * (
@@ -132,13 +133,12 @@ def patch_transforms(k: np.ndarray, variance: float) -> tuple[np.ndarray, np.nda
     """
     if variance == 0.0:
         return np.ones_like(k), np.ones_like(k)
-    from scipy.special import j1
     disc, strip = k * np.sqrt(5.0 * variance), k * np.sqrt(4.0 * variance)
     small = disc < 0.02
     safe = np.where(small, 1.0, disc)
     of_disc = np.where(small, 1.0 - disc**2 / 10.0,
                        3.0 * (np.sin(safe) - safe * np.cos(safe)) / safe**3)
-    return of_disc, 2.0 * j1(strip) / strip
+    return of_disc, 2.0 * scipy.special.j1(strip) / strip
 
 
 @lru_cache(maxsize=64)

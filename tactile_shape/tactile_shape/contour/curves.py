@@ -2,7 +2,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 CHORD = 1e-3  # m, longest chord of an arc as a polyline
 FEW = 6  # smallest number of points of a line or arc
@@ -68,7 +68,7 @@ class Arc:
         if rank < 3:
             return None
         start = [*solution[:2], np.sqrt(solution[2] + solution[:2] @ solution[:2])]
-        *centre, radius = least_squares(
+        *centre, radius = scipy.optimize.least_squares(
             lambda circle: np.linalg.norm(u - circle[:2], axis=1) - circle[2], start, method='lm',
             xtol=1e-12).x
         centre, radius = middle + scale * np.array(centre), float(scale * radius)

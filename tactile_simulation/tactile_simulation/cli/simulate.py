@@ -10,7 +10,15 @@ import time
 
 import numpy as np
 
-from tactile_common.command_line import between, file_to_write, Help, Parser, PICTURES, refusing
+from tactile_common.command_line import (
+    between,
+    file_to_write,
+    Help,
+    Parser,
+    PICTURES,
+    refusing,
+    to_json,
+)
 from tactile_common.errors import ConfigurationError
 from tactile_common.parameter_file import ParameterFile, parameters_of
 from tactile_sensing.contact.estimator import EstimatorConfig
@@ -21,7 +29,7 @@ from tactile_servo.robot_config import box_of, NodeConfig, robot_of
 from tactile_servo.types import EdgeGoal
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.faults import describe_faults, Fault, FORM
-from tactile_simulation.metrics import describe, to_json
+from tactile_simulation.metrics import describe
 from tactile_simulation.scene import describe_scenes, load_scene
 from tactile_simulation.world import Scene
 
