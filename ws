@@ -88,20 +88,22 @@ packages() {
         sed 's,^\./,,; s,/package\.xml$,,' | sort
 }
 
-# Files of all packages but their tests; find's own conditions may follow.
+# Files of all packages but their tests; find's own conditions and actions may follow.
 package_files() {
     packages | while IFS= read -r package; do
         find "$ROOT/$package" \( -name '.?*' -o -name __pycache__ \
-            -o -path "$ROOT/$package/test" \) -prune -o -type f "$@" -exec cksum {} + | sort
+            -o -path "$ROOT/$package/test" \) -prune -o -type f "$@" | sort
     done
 }
 
 # Changes with everything that a build copies or generates from. Python modules are linked, not
 # copied, so that an edit is live.
-sources_signature() { package_files \( ! -name '*.py' -o -name setup.py \) | checksum; }
+sources_signature() {
+    package_files \( ! -name '*.py' -o -name setup.py \) -exec cksum {} + | checksum
+}
 kernels_signature() { # see COMPILED in tactile_common/kernels.py
-    package_files -name '*.py' -exec grep -qE '@njit|dtype\(|NamedTuple|IntEnum' {} \; \
-        -printf '%T@ %p\n' | checksum
+    package_files -name '*.py' -exec grep -lE '@njit|dtype\(|NamedTuple|IntEnum' {} + |
+        xargs stat -c '%.9Y %s %n' | checksum
 }
 
 # ---------------------------------------------------------------- which ROS 2
