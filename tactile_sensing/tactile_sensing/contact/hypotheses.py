@@ -210,29 +210,29 @@ def _search_robust(pad: Pad, readings: Readings, scatter: float, guess: Guess, k
 
     In the steps before 0 a kind is fitted, the second only if the first leaves a residual. Only if
     the evidence asks for it, a patch is added to the better of them (0), and a line with ends is
-    fitted (1). If a residual is left, two points are fitted (2), and in the free tier a plate (3):
-    if one of them is likelier, the scatter of the gains hides a load that is neither. In the last
-    two tiers, which have an option `shape`, only the kinds are fitted.
+    fitted (1), except in the last two tiers, which have an option `shape`. If the best leaves a
+    residual that does not refuse it, two points are fitted (2), and in the free tiers a plate (3):
+    if one of them is likelier, the scatter of the gains hides a load that is neither.
     """
     short = -np.inf  # evidence of a line too short to be one: this is a point
-    for step in range(-kinds.size, 0 if shape else 4 if power else 3):
+    for step in range(-kinds.size, 4 if power else 3):
         kind, ends, patch = kinds[min(step, -1)], step == 1, step == 0
         if step == -1 and best.fit.evidence > -np.inf and not _unexplained(best, kind):
             continue
-        if patch and not best.misfit.hidden > SHOWN:
+        if patch and not best.misfit.hidden > SHOWN or ends and shape:
             continue
         if step > 0:
             kind = LINE if ends else TWO if step == 2 else PLATE
             if not ((kinds == LINE).any() and _unexplained(best, kind)):
                 continue
-            if kind > LINE and not pad.depths[0] > 0.0 and refusal(pad, readings, best):
+            if kind > LINE and refusal(pad, readings, best) & BAD_FIT:
                 break
         theta = _cold_start(pad, kind, power, guess)
         if patch:
             kind, theta = best.beliefs.kind, best.fit.theta.copy()
             theta[P.WIDTH] = FIRST_PATCH
         one = _fitted(pad, readings, scatter, kind, ROBUST + BASELINE + POWER * power
-                      + shape + ENDS * ends + PATCH * patch, theta)
+                      + shape * (kind <= LINE) + ENDS * ends + PATCH * patch, theta)
         least, share = best.fit.evidence, one.fit.theta[P.SHARE]
         if kind > LINE:
             least = max(least, short)
