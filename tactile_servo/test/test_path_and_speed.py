@@ -87,13 +87,20 @@ def test_each_trouble_slows_it_down():
 
 
 @pytest.mark.parametrize('end, lifted, speed', [
-    (PathEnd.VIEW, False, edge_motion.BLIND), (PathEnd.RIDGE, False, 0.2),
-    (PathEnd.CLOSED, False, 0.2), (PathEnd.RIDGE, True, 0.0)])
+    (PathEnd.RIDGE, False, 0.2), (PathEnd.CLOSED, False, 0.2), (PathEnd.RIDGE, True, 0.0)])
 def test_speed_at_the_end_of_the_path(end, lifted, speed):
     seen = Edge(end)
     place = at()
     motion_on(seen, lifted=lifted).along(place, UNBOUNDED, DT)
     assert seen.end_speed == speed
+
+
+@pytest.mark.parametrize('across', [2.0, 0.5, 0.1])
+def test_any_robot_can_stop_just_beyond_what_the_pad_sees(across):
+    seen = Edge(PathEnd.VIEW)
+    motion_on(seen).along(at(), arm(across=across), DT)
+    assert 0.5 * seen.end_speed ** 2 / (edge_motion.AGILE * across) == pytest.approx(
+        edge_motion.UNSEEN)
 
 
 def test_the_pad_speeds_up_by_its_acceleration_and_keeps_the_limit():

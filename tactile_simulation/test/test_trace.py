@@ -261,6 +261,16 @@ def test_a_picture_without_a_known_pose_is_not_used():
                                atol=1e-6)
 
 
+@pytest.mark.parametrize('scene, acceleration', [
+    ('course', 0.1), *(pytest.param(*it, marks=pytest.mark.long) for it in (
+        ('two_segments', 0.2), ('tape_case', 0.1), ('tape_case', 0.5)))])
+def test_a_robot_of_low_acceleration_is_slow_enough_for_unseen_corners(scene, acceleration):
+    simulation = Simulation(load_scene(ROOT / f'launch/scenes/{scene}.yaml'), seed=1,
+                            settings=EdgeFollowingConfig(acceleration=acceleration))
+    summary = summary_of(simulation, EdgeGoal(0.1, 5.0, closed=scene == 'tape_case'), 30.0)
+    assert summary['ok'] and summary['lateral_max'] < 0.25e-3, summary['reason']
+
+
 def test_latency_is_no_part_of_the_lateral_loop():
     scene = load_scene(ROOT / 'launch/scenes/curve.yaml')
     simulation = Simulation(scene, 'trace', latency=0.05)

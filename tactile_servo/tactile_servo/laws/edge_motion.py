@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from tactile_common.config import bounded
+from tactile_common.config import bounded, check_fields
 from tactile_servo.control.attitude_controller import AttitudeController, off_edge, TURNING
 from tactile_servo.control.force_controller import (
     BRAKING,
@@ -24,10 +24,10 @@ from tactile_servo.motion.motion import COMMITTED, Motion
 from tactile_servo.types import EdgeGoal
 
 # Speeds [m/s]
-BLIND = 0.05  # largest at the end of the visible path
 ENTRY = 0.03  # at which the second leg of a corner may reach the pad: its load comes suddenly
 NORMAL = 0.05  # largest along the normal
 RETURN_SPEED = 0.1  # largest back to the path
+UNSEEN = 8e-4  # m beyond the visible path within which the pad can stop
 # Share of the robot's acceleration that is planned; the rest is for corrections
 AGILE = 0.8
 CORNER_SETTLE = 3e-4  # m before and after a sharp corner that are passed at its speed, for the lag
@@ -65,6 +65,9 @@ class EdgeFollowingConfig:
     max_turn: float = bounded(
         7.0, 'the pad is turned with the edge up to this angle from where it began, and '
         'kept beyond', 'rad', 0.0, 100.0, name='attitude.max_turn')
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 def missing_depth(force: float, load: Load, *, half: float, length: float, pressed: float,
@@ -136,7 +139,9 @@ class EdgeMotion:
         course = place.there[:3, :3].T @ (*place.way, self.sight.slope)
         top = min(top, robot.passing(np.array([*course, 0.0, 0.0, 0.0])))
         most = min(self.config.acceleration, robot.across())
-        end_speed = BLIND if edge.path.end is PathEnd.VIEW else top
+        end_speed = top
+        if edge.path.end is PathEnd.VIEW:
+            end_speed = math.sqrt(2.0 * AGILE * most * UNSEEN)
         if self.sight.lifted and not may_lift:
             end_speed = 0.0  # turn onto the edge first
         top = edge.speed_limit(place.ahead, top, AGILE * most, end_speed,
