@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from tactile_common.config import bounded, checked, documented
+from tactile_common.config import bounded, check_fields, checked, documented
+from tactile_common.errors import ConfigurationError
 
 SLOWEST = 1e-4  # m/s
 SLOWEST_RATE = 25.0  # Hz; with less, every cycle would count as a stall, see `clocks.STALL`
@@ -57,6 +58,14 @@ class ServoConfig:
     self_test: bool = documented(
         True, 'press and release the pad as it has touched, and compare with its stiffness, '
         'before it moves along anything; on edges again where it seems to be too deep')
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.max_force < self.contact_force:
+            raise ConfigurationError(
+                f'force.max_load is {self.max_load:g}, must be at least 1.5 times '
+                f'approach.contact_force, {1.5 * self.contact_force:g} N: otherwise no goal is '
+                'possible')
 
     @property
     def max_force(self) -> float:

@@ -17,6 +17,7 @@ from tactile_servo.config import ServoConfig
 from tactile_servo.conversions import ACTIONS
 from tactile_servo.law import ServoLaw
 from tactile_servo.laws.registry import DEFAULT, law_for, law_named, LAWS, make_law
+from tactile_servo.laws.surface_config import ProbeConfig
 from tactile_servo.robot_config import NodeConfig, robot_of
 from tactile_servo.types import EdgeGoal
 
@@ -86,6 +87,24 @@ def test_no_parameter_has_two_meanings(name):
     declared = [parameter.name for parameter in parameters_of(
         (NodeConfig, ServoConfig, LAWS[name].law.config_type))]
     assert len(declared) == len(set(declared))
+
+
+@pytest.mark.parametrize('kind', [
+    ServoConfig, ProbeConfig, *{row.law.config_type for row in LAWS.values()}])
+def test_settings_out_of_bounds_are_refused_by_python_too(kind):
+    bounds = {item.name: item.metadata['range'] for item in fields(kind)
+              if 'range' in item.metadata}
+    assert bounds
+    for name, (low, high) in bounds.items():
+        for value in (low - 1.0, high + 1.0, float('nan')):
+            with pytest.raises(ConfigurationError, match=rf'{name} is .*must be between'):
+                kind(**{name: value})
+
+
+def test_a_load_below_what_counts_as_contact_is_refused():
+    assert ServoConfig(max_load=0.75).max_force == ServoConfig().contact_force
+    with pytest.raises(ConfigurationError, match=r'force.max_load is 0.7, must be at least 1.5'):
+        ServoConfig(max_load=0.7)
 
 
 def test_laws_do_not_import_each_other():

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from tactile_common.config import bounded
+from tactile_common.config import bounded, check_fields
 from tactile_sensing.thesis.line import line_from_moments
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType
@@ -121,6 +121,9 @@ class ResolvedRateConfig:
     force_time: float = bounded(
         0.06, 'T_seg of (5.3) for the contact force', 's', 0.01, 10.0, live=True,
         name='force.segment_time')
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 def speed_factor(features: EdgeFeatures, half_width: float, force: float) -> float:

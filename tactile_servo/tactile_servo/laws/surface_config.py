@@ -2,7 +2,7 @@
 from dataclasses import dataclass, field
 import math
 
-from tactile_common.config import bounded, documented
+from tactile_common.config import bounded, check_fields, documented
 
 
 @dataclass(frozen=True)
@@ -13,6 +13,9 @@ class ProbeConfig:
     modulus: float = bounded(
         1.44e8, "pressure per indentation of the skin's surface: P / (pi R d^2) where a force P "
         'presses a plate in by d', 'Pa/m', 1e3, 1e13)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def stiffness(self, force: float) -> float:
         """Return K_z of (6.7), the change of the force P(d) per d, at a force [N]."""
@@ -36,3 +39,6 @@ class SurfaceConfig:
     force_gain: float = bounded(
         30.0, 'rate at which an error of the force is made up', '1/s', 0.1, 500.0, live=True,
         name='force.gain')
+
+    def __post_init__(self) -> None:
+        check_fields(self)
