@@ -13,6 +13,7 @@ import yaml
 from tactile_servo.config import ServoConfig
 from tactile_servo.control import stability
 from tactile_servo.control.stability import gain_limit
+from tactile_servo.laws import edge_motion, resolved_rate
 from tactile_servo.laws.edge_motion import EdgeFollowingConfig
 from tactile_servo.laws.resolved_rate import ResolvedRateConfig
 from tactile_servo.motion.motion import COMMITTED
@@ -99,9 +100,11 @@ def is_stable(tracker, gain, latency):
     """Return True if the pad settles on a straight edge after a small initial offset."""
     scene = shipped('straight')
     scene = replace(scene, start=replace(scene.start, offset=OFFSET))
-    settings = (EdgeFollowingConfig(lateral_gain=gain) if tracker == 'trace' else
-                ResolvedRateConfig(across_time=1.0 / gain))
-    with patch.object(stability, 'LIMIT_SHARE', 10.0):  # do not limit the gain
+    # Gains beyond those that a user may set, and not limited by the law.
+    with patch.object(stability, 'LIMIT_SHARE', 10.0), \
+            patch.object(edge_motion, 'check_fields'), patch.object(resolved_rate, 'check_fields'):
+        settings = (EdgeFollowingConfig(lateral_gain=gain) if tracker == 'trace' else
+                    ResolvedRateConfig(across_time=1.0 / gain))
         simulation, _ = follow(scene, tracker, 0.03, 0, latency=latency, settings=settings,
                                seconds=3.5)
     late = [cycle for cycle in simulation.log if cycle.status.state == State.TRACK][-200:]
