@@ -1,4 +1,4 @@
-"""Command-line parsing and one-line error messages for all commands."""
+"""Command-line parsing, one-line error messages and JSON for all commands."""
 import argparse
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager

@@ -63,9 +63,8 @@ class ServoConfig:
         check_fields(self)
         if self.max_force < self.contact_force:
             raise ConfigurationError(
-                f'force.max_load is {self.max_load:g}, must be at least 1.5 times '
-                f'approach.contact_force, {1.5 * self.contact_force:g} N: otherwise no goal is '
-                'possible')
+                f'force.max_load of {self.max_load:g} N allows goals of {self.max_force:g} N at '
+                f'most, below approach.contact_force, {self.contact_force:g} N')
 
     @property
     def max_force(self) -> float:

@@ -99,8 +99,11 @@ def test_speed_at_the_end_of_the_path(end, lifted, speed):
 def test_any_robot_can_stop_just_beyond_what_the_pad_sees(across):
     seen = Edge(PathEnd.VIEW)
     motion_on(seen).along(at(), arm(across=across), DT)
-    assert 0.5 * seen.end_speed ** 2 / (edge_motion.AGILE * across) == pytest.approx(
-        edge_motion.UNSEEN)
+    way, speed = 0.0, seen.end_speed
+    while speed > 0.0:  # brakes from the next cycle on
+        way += speed * DT
+        speed -= edge_motion.AGILE * across * DT
+    assert 0.8 * edge_motion.OVERRUN < way <= edge_motion.OVERRUN < 1e-3
 
 
 def test_the_pad_speeds_up_by_its_acceleration_and_keeps_the_limit():

@@ -27,9 +27,10 @@ from tactile_servo.types import EdgeGoal
 ENTRY = 0.03  # at which the second leg of a corner may reach the pad: its load comes suddenly
 NORMAL = 0.05  # largest along the normal
 RETURN_SPEED = 0.1  # largest back to the path
-UNSEEN = 8e-4  # m beyond the visible path within which the pad can stop
 # Share of the robot's acceleration that is planned; the rest is for corrections
 AGILE = 0.8
+# m beyond the end of the visible path within which the pad can stop: 50 mm/s at 2 m/s^2
+OVERRUN = 9e-4
 CORNER_SETTLE = 3e-4  # m before and after a sharp corner that are passed at its speed, for the lag
 # Grains
 LOOK_AHEAD = 0.2  # length along the path over which its direction is measured
@@ -141,7 +142,7 @@ class EdgeMotion:
         most = min(self.config.acceleration, robot.across())
         end_speed = top
         if edge.path.end is PathEnd.VIEW:
-            end_speed = math.sqrt(2.0 * AGILE * most * UNSEEN)
+            end_speed = stopping_speed(OVERRUN, AGILE * most, dt)
         if self.sight.lifted and not may_lift:
             end_speed = 0.0  # turn onto the edge first
         top = edge.speed_limit(place.ahead, top, AGILE * most, end_speed,
