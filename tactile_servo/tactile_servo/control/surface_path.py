@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_common.geometry import cross
 from tactile_common.polyline import arc_length, nearest_on_polyline, resample
 from tactile_servo.control.scaling import clipped
 
@@ -41,7 +42,7 @@ class SectionPath:
         The path is approached at a rate `gain` [1/s], at a speed [m/s].
         """
         across = self._across
-        way = np.cross(across, normal)
+        way = cross(across, normal)
         size = math.sqrt(way @ way)
         if size < STEEP:
             return None
@@ -137,8 +138,8 @@ def _axes(direction: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Return unit vectors (2, 3) in the surface, along a direction (3,) and across it."""
     along = _unit(direction) - normal * (_unit(direction) @ normal)
     if along @ along < 1e-4:  # parallel to the normal: any direction will do
-        along = np.cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.7 else [0.0, 1.0, 0.0])
-    return np.stack([_unit(along), np.cross(normal, _unit(along))])
+        along = cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.7 else [0.0, 1.0, 0.0])
+    return np.stack([_unit(along), cross(normal, _unit(along))])
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:

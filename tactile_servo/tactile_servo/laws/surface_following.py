@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
+from tactile_common.geometry import cross
 from tactile_sensing.dome.geometry import Dome
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import SensorInfo, TactileImage
@@ -331,6 +332,6 @@ class JacobianRate(SurfaceFollowing):
             rate * (aim.force - felt.force) / self.stiffness, -LIFT, PRESS)
         turn = np.array([dy, -dx, 0.0]) / self._dome.array_radius
         turn *= min(1.0, ROLL_RATE / max(math.sqrt(turn @ turn), 1e-12))
-        twist[:3] += np.cross(turn, -self._dome.centre)
+        twist[:3] += cross(turn, -self._dome.centre)
         twist[3:] = turn
         return twist

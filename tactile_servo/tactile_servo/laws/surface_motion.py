@@ -3,6 +3,7 @@ import math
 
 import numpy as np
 
+from tactile_common.geometry import cross
 from tactile_sensing.dome.geometry import Dome
 from tactile_servo.control.attitude_controller import AttitudeController, TURNING
 from tactile_servo.control.force_controller import ForceController, INTEGRATED
@@ -71,13 +72,13 @@ class SurfaceMotion:
                dt: float = 0.0) -> np.ndarray:
         """Return the twist (6,) in the sensor's frame, which turns, for a motion of the centre."""
         own = rotation.T @ turn
-        linear = rotation.T @ (velocity - dt * np.cross(turn, velocity))
-        return np.concatenate([linear - np.cross(own, self._dome.centre), own])
+        linear = rotation.T @ (velocity - dt * cross(turn, velocity))
+        return np.concatenate([linear - cross(own, self._dome.centre), own])
 
     def pace(self, way: np.ndarray, normal: np.ndarray, commanded: np.ndarray,
              robot: Motion) -> JointPace:
         """Return the pace that the joints allow along a direction (3,) at a normal (3,)."""
-        course = self._twist(way, np.cross(normal, self._surface.bend @ way), commanded[:3, :3])
+        course = self._twist(way, cross(normal, self._surface.bend @ way), commanded[:3, :3])
         return robot.along(course, self._speed, BENDING)
 
     def advance(self, step: PathStep, felt: Felt, aim: PadContact, wanted: float, pace: JointPace,
@@ -142,7 +143,7 @@ class SurfaceMotion:
         """
         rotation, velocity = commanded[:3, :3], self._speed * way
         axis = rotation @ self._dome.direction(aim.place)
-        error, ahead = np.cross(axis, normal), np.cross(normal, self._surface.bend @ velocity)
+        error, ahead = cross(axis, normal), cross(normal, self._surface.bend @ velocity)
         about = self._twist(np.zeros(3), self._attitude.way(error, ahead), rotation)
         turn = self._attitude.rate(error, ahead, dt, min(
             TURNS * self.config.acceleration, TURNING * robot.along(about).acceleration))
