@@ -10,7 +10,7 @@ from tactile_sensing.types.image import TactileImage
 from tactile_servo.edge_map import path_queries
 from tactile_servo.edge_map.corner import Corner
 from tactile_servo.edge_map.picture import PadScale, Picture, read_picture
-from tactile_servo.edge_map.records import CLOUD_POINT, joined, nodes_of
+from tactile_servo.edge_map.records import CLOUD_POINT, joined, NODE, nodes_of
 from tactile_servo.edge_map.traced_path import BEHIND, PathEnd, TracedPath
 from tactile_servo.edge_map.tracing import local_line, nearest_line, on_path
 from tactile_servo.reasons import Reason, ReasonCode
@@ -20,6 +20,7 @@ SURE_PICTURES = 3  # images with the edge elsewhere, after which the object coun
 LEAST_POINTS = 3  # least number of points of a ridge in an image
 PATH_SHARE = 0.4  # share of an image's ridge points on the path, above which it shows the path
 OFF_PATH = 1.0  # grains from the path beyond which a ridge point is not on it
+ALONE = 0.9  # least share of ridge points on the path where an edge ends and no other one begins
 SLIP_CHORD = 2.0  # grains on each side of the pad: this chord is the heading after a slip
 ALIGNED = 0.08  # rad between the pad's y and the path above which tactels bias directions
 ROUGHLY_ALONG = 0.5  # least cosine between a heading and the ridge at which a path begins
@@ -54,8 +55,9 @@ class EdgeMap:
         self._counts: list[int] = []  # number of points of each image
         self.followed = False  # True while images extend the newest path
         self._off_path = 0  # number of successive images off the path
+        self._ended: list[float] = []  # shares of points on the path, of images towards its end
         self._yaw = YawError(math.inf)  # knows nothing yet
-        self._near: np.ndarray | None = None  # nodes around the pad, extended at an open end
+        self._near = np.empty(0, NODE)  # nodes around the pad, extended at an open end
 
     def see(self, image: TactileImage, pose: np.ndarray) -> Reason | None:
         """Read an image at the sensor's pose (4, 4) in the base frame; return any problem."""
@@ -85,14 +87,12 @@ class EdgeMap:
         if anew or not self.followed:
             heading = direction * picture.pose[:2, 1]
             return self._begin(heading / np.linalg.norm(heading), True)
-        window = path_queries.WINDOW * self.scale.grain
-        share, station = on_path(
-            self._cloud[-len(picture.points):], self._near, OFF_PATH * self.scale.grain,
-            self.path.nodes, picture.x, picture.y, self.station - window, self.station + window)
+        share, station = self._on_path(picture.points, self._near)
         if share > PATH_SHARE:
             self._off_path, self.station = 0, station
             self.path.refine(picture, station)
             self.path.extend(self._cloud, picture, self.station)
+            self._see_end()
             self._take_near()
             self._see_yaw(picture)
             return None, False
@@ -104,6 +104,23 @@ class EdgeMap:
         self.station = station
         chord = SLIP_CHORD * self.scale.grain
         return self._begin(np.array(self.way(self.station - chord, self.station + chord)), False)
+
+    def _on_path(self, points: np.ndarray, nodes: np.ndarray) -> tuple[float, float]:
+        """Return the share of ridge points near nodes, and the pad's station [m]."""
+        picture, grain = self.picture, self.scale.grain
+        window = path_queries.WINDOW * grain
+        return on_path(points, nodes, OFF_PATH * grain, self.path.nodes, picture.x, picture.y,
+                       self.station - window, self.station + window)
+
+    def _see_end(self) -> None:
+        """Compare the ridge behind the path's end with all of the path."""
+        if self.path.end is not PathEnd.RIDGE:
+            self._ended = []
+        elif self.station < self.path.tip:  # beyond, a skin that creeps still shows the edge
+            points, tip = self.picture.points, self.path.nodes[-2]
+            behind = points[(points['place'] - tip['place']) @ tip['way'] < 0.0]
+            if len(behind):
+                self._ended.append(self._on_path(behind, self.path.nodes)[0])
 
     def _see_yaw(self, picture: Picture) -> None:
         """Compare the ridge under the pad with its way, not at corners or while turning."""
@@ -122,7 +139,7 @@ class EdgeMap:
         """Begin a path at the ridge nearest to the pad's centre."""
         picture, cloud = self.picture, self._cloud
         may_close = may_close and (self.path is None or self.path.may_close)
-        self._off_path, self.followed = 0, False
+        self._off_path, self.followed, self._ended = 0, False, []
         cosine = np.abs(cloud['way'] @ heading).max()
         if cosine < ROUGHLY_ALONG:
             return Reason(ReasonCode.EDGE_LOST, (
@@ -180,6 +197,11 @@ class EdgeMap:
     def closed(self) -> bool:
         """True if the path has reached its start."""
         return self.path is not None and self.path.end is PathEnd.CLOSED
+
+    @property
+    def forks(self) -> bool:
+        """True if another ridge begins where the path ends."""
+        return len(self._ended) >= PICTURES and sum(self._ended) < ALONE * len(self._ended)
 
     def locate(self, pose: np.ndarray, commanded: np.ndarray, here: float, ahead: float,
               move: tuple[float, float] = (0.0, 0.0)) -> path_queries.PathPosition:

@@ -33,6 +33,7 @@ SEARCH_REACH = 1.18  # half sizes of the pad, longest way of a search towards th
 # Share of PRESS_DEPTH; the rest is passed in the longest pause of the cycles, and in the stop.
 PROBED_DEPTH = 0.8
 STILL = np.zeros(3)
+FORK = 'where another one begins: a fork, or a corner that is too sharp to follow'
 
 Move = tuple[tuple[float, float], float, np.ndarray]
 
@@ -194,6 +195,8 @@ class EdgeFollowing(EdgeLaw):
             return done(ReasonCode.EDGE_LOST, 'the ridge ends, but the pad is pressed')
         if self._reaching.depth <= PROBED_DEPTH * PRESS_DEPTH:
             return self._search(ReasonCode.REACHING_DOWN)
+        if self.sight.edge.forks:
+            return done(ReasonCode.EDGE_ENDED, FORK)
         return self._end_of_edge()
 
     def _search(self, mode: ReasonCode) -> Assessment:
