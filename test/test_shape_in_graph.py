@@ -19,7 +19,7 @@ def test_the_tape_case_has_its_sides(tmp_path):
         it.graph.add(ShapeEstimatorNode)
         contours = it.listener.keep(Path, 'contour', LATCHED)
         patches = it.listener.keep(SurfacePatch, 'surface_patch', 100)
-        client = it.track(speed=0.03, closed=True)
+        client = it.track(speed=0.05, closed=True)
         assert client.success and client.reason == 'the contour closed', client.reason
         # Contours come once a second; the last one when the pad has lifted off.
         it.wait(lambda: {patch.reason for patch in patches[-LIFTED:]} == {'nothing is touched'},

@@ -127,17 +127,20 @@ def interrupted(tracker, state, what, seconds, seed=0):
 
 
 LONG = [('controller', 0.8), ('deaf', 2.0), ('servo', 1.0), ('sensing', 1.0), ('joints', 1.0)]
-BRIEF = [('controller', 0.2), ('deaf', 0.2), ('servo', 0.06), ('servo', 0.3), ('sensing', 0.2)]
+BRIEF = [('servo', 0.06), ('sensing', 0.2)]
+RARE = [*((State.TRACK, *it) for it in (('controller', 0.2), ('deaf', 0.2), ('servo', 0.3))),
+        *((State.APPROACH, *it) for it in LONG[1:])]
 
 
 @pytest.mark.parametrize('state, what, seconds', [
     *((State.TRACK, *it) for it in LONG + BRIEF), (State.APPROACH, *LONG[0]),
-    *(pytest.param(State.APPROACH, *it, marks=pytest.mark.long) for it in LONG[1:])])
+    *(pytest.param(*it, marks=pytest.mark.long) for it in RARE)])
 def test_an_interruption_is_told_and_moves_nothing(state, what, seconds):
     interrupted('trace', state, what, seconds)
 
 
-@pytest.mark.parametrize('speed, pause', [(0.1, 0.045), (0.2, 0.035), (0.2, 0.045)])
+@pytest.mark.parametrize('speed, pause', [(0.2, 0.045), *(
+    pytest.param(*it, marks=pytest.mark.long) for it in ((0.1, 0.045), (0.2, 0.035)))])
 def test_a_robot_is_not_blamed_for_a_pause_of_the_servo(speed, pause):
     """Its last window took it on: it was 2.1 to 3.6 mm from the way, and had to be asked."""
     it = Interrupted('trace', State.TRACK, 0, EdgeGoal(speed, 5.0, length=0.1))
@@ -148,8 +151,8 @@ def test_a_robot_is_not_blamed_for_a_pause_of_the_servo(speed, pause):
 
 
 @pytest.mark.parametrize('what, seconds', [
-    ('controller', 0.4), ('sensing', 1.0), *(
-        pytest.param(it, 1.0, marks=pytest.mark.long) for it in ('servo', 'joints'))])
+    ('sensing', 1.0), *(pytest.param(*it, marks=pytest.mark.long) for it in (
+        ('controller', 0.4), ('servo', 1.0), ('joints', 1.0)))])
 def test_the_law_of_the_thesis_is_interrupted_likewise(what, seconds):
     interrupted('resolved_rate', State.TRACK, what, seconds, seed=1)
 

@@ -39,8 +39,8 @@ def size(tactels, pitch):
 
 
 @pytest.mark.parametrize('name, speed, pad', [
-    ('course', 0.07, PADS[4]), ('tape_case', 0.1, PADS[0]),
-    *(pytest.param('course', 0.07, pad, marks=pytest.mark.long) for pad in PADS[:4]),
+    ('tape_case', 0.1, PADS[0]),
+    *(pytest.param('course', 0.07, pad, marks=pytest.mark.long) for pad in PADS),
     pytest.param('tape_case', 0.1, PADS[4], marks=pytest.mark.long)])
 def test_a_pad_tracks_as_well_as_its_skin_is_fine(tmp_path, pad, name, speed):
     rows, columns, pitch_x, pitch_y = pad
@@ -81,8 +81,8 @@ def test_a_skin_with_a_memory_ends_where_the_edge_ends(tmp_path, pad, skin, sens
 
 
 @pytest.mark.parametrize('creep, force', [
-    (0.12, 8.0), (0.25, 5.0), *(pytest.param(*it, marks=pytest.mark.long) for it in (
-        (0.12, 5.0), (0.25, 8.0)))])
+    (0.25, 5.0), *(pytest.param(*it, marks=pytest.mark.long) for it in (
+        (0.12, 5.0), (0.12, 8.0), (0.25, 8.0)))])
 def test_a_skin_that_keeps_much_ends_where_the_edge_ends(creep, force):
     """Beyond the end it still reads up to a fifth of the force, along the edge that it left."""
     scene = load_scene('straight')
@@ -92,6 +92,7 @@ def test_a_skin_that_keeps_much_ends_where_the_edge_ends(creep, force):
     assert summary['force_max'] < 1.1 * force
 
 
+@pytest.mark.long
 def test_a_pad_that_is_still_lightly_on_the_edge_slides_off_it(monkeypatch):
     """The calibration gives too small a depth and stiffness: the edge seems to end early."""
     right = closed_loop.calibration_of
@@ -131,11 +132,11 @@ def test_the_unfelt_force_is_that_of_the_skin(stiffness):
     assert law.unfelt == pytest.approx(world.force(deeper) - world.force(pose), rel=0.1)
 
 
-@pytest.mark.parametrize('tilt', [-4.0, pytest.param(0.0, marks=pytest.mark.long), 4.0])
-@pytest.mark.parametrize('tactels, pitch, stiffness, force', [
-    (16, 1.6, 5e5, 2.0), (8, 4.0, 2e5, 2.0)])
-def test_a_tilted_pad_turns_onto_the_edge(tmp_path, monkeypatch, tilt, tactels, pitch, stiffness,
-                                          force):
+@pytest.mark.parametrize('tilt, tactels, pitch, stiffness', [
+    (-4.0, 16, 1.6, 5e5), (4.0, 8, 4.0, 2e5),
+    *(pytest.param(*it, marks=pytest.mark.long) for it in (
+        (4.0, 16, 1.6, 5e5), (0.0, 16, 1.6, 5e5), (-4.0, 8, 4.0, 2e5), (0.0, 8, 4.0, 2e5)))])
+def test_a_tilted_pad_turns_onto_the_edge(tmp_path, monkeypatch, tilt, tactels, pitch, stiffness):
     """It touches with one end alone; with its rear it sees the ridge end before its centre."""
     scene = on_an_edge(
         tmp_path, '{straight: 0.1}', f'depth: 0.002, stiffness: {stiffness}',
@@ -144,8 +145,8 @@ def test_a_tilted_pad_turns_onto_the_edge(tmp_path, monkeypatch, tilt, tactels, 
     pose[:3, :3] @= Rotation.from_euler('x', tilt, degrees=True).as_matrix()
     monkeypatch.setattr(EdgeScene, 'start_pose', lambda _: pose)
     simulation = Simulation(scene, 'trace', seed=2)
-    summary = summary_of(simulation, EdgeGoal(0.05, force), 30.0)
+    summary = summary_of(simulation, EdgeGoal(0.05, 2.0), 30.0)
     assert summary['ok'] and summary['reason'] == 'the edge ended', summary['reason']
-    assert summary['lateral_rms'] < 0.03e-3 and summary['force_max'] < 1.4 * force
+    assert summary['lateral_rms'] < 0.03e-3 and summary['force_max'] < 2.8
     along = simulation.pose[:3, :3] @ [0.0, 1.0, 0.0]
     assert abs(np.degrees(np.arcsin(along[2]))) < 0.5

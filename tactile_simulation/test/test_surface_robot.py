@@ -35,7 +35,8 @@ def followed(name):
     return simulation, summary_of(simulation, GOAL)
 
 
-@pytest.mark.parametrize('name', ['cylinder_65', 'sphere_70'])
+@pytest.mark.parametrize('name', [
+    'cylinder_65', pytest.param('sphere_70', marks=pytest.mark.long)])
 def test_small_objects_are_followed_as_fast_as_the_joints_can(name):
     # Their turn asks for up to 60 rad/m of the wrist, whose rates change with the way as well.
     simulation, summary = followed(name)
@@ -102,7 +103,8 @@ def paused_at(progress, name='sphere_126'):
     return deepcopy(_paused(name, progress))
 
 
-@pytest.mark.parametrize('name, progress', [('cylinder_65', 0.01), ('sphere_70', 0.03)])
+@pytest.mark.parametrize('name, progress', [
+    ('cylinder_65', 0.01), pytest.param('sphere_70', 0.03, marks=pytest.mark.long)])
 def test_a_stop_that_leads_off_a_small_object_is_made_good(name, progress):
     simulation = paused_at(progress, name)
     paused = len(simulation.log)
