@@ -92,7 +92,6 @@ def test_a_skin_that_keeps_much_ends_where_the_edge_ends(creep, force):
     assert summary['force_max'] < 1.1 * force
 
 
-@pytest.mark.long
 def test_a_pad_that_is_still_lightly_on_the_edge_slides_off_it(monkeypatch):
     """The calibration gives too small a depth and stiffness: the edge seems to end early."""
     right = closed_loop.calibration_of
@@ -116,6 +115,14 @@ def test_an_edge_does_not_end_where_a_coarse_pad_sees_no_ridge(tmp_path, path):
     summary = summary_of(Simulation(scene, 'trace', seed=1), EdgeGoal(0.03, 5.0, length=0.08))
     assert summary['ok'], summary['reason']
     assert summary['lateral_rms'] < 1e-3 and summary['force_max'] < 8.0
+
+
+def test_a_leg_that_few_images_of_few_tactels_show_is_no_end(tmp_path):
+    """6 x 6 tactels see the end of the first leg in three images; they refuse its corner."""
+    scene = on_an_edge(tmp_path, '{straight: 0.1}, {turn: 135}, {straight: 0.1}', 'depth: 0.002',
+                       size(6, '4.0'), 's: 0.02')
+    summary = summary_of(Simulation(scene, 'trace', seed=1), EdgeGoal(0.1, 5.0))
+    assert not summary['ok'] and 'too sharp' in summary['reason']
 
 
 @pytest.mark.parametrize('stiffness', [5e4, 6e5])

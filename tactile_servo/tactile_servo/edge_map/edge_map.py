@@ -55,7 +55,8 @@ class EdgeMap:
         self._counts: list[int] = []  # number of points of each image
         self.followed = False  # True while images extend the newest path
         self._off_path = 0  # number of successive images off the path
-        self._ended: list[float] = []  # shares of points on the path, of images towards its end
+        # Share of ridge points on the path, of every image on the way to its end.
+        self._end_shares: list[float] = []
         self._yaw = YawError(math.inf)  # knows nothing yet
         self._near = np.empty(0, NODE)  # nodes around the pad, extended at an open end
 
@@ -115,12 +116,12 @@ class EdgeMap:
     def _see_end(self) -> None:
         """Compare the ridge behind the path's end with all of the path."""
         if self.path.end is not PathEnd.RIDGE:
-            self._ended = []
+            self._end_shares = []
         elif self.station < self.path.tip:  # beyond, a skin that creeps still shows the edge
-            points, tip = self.picture.points, self.path.nodes[-2]
+            points, tip = self.picture.points, self.path.nodes[-2]  # the last one leads on
             behind = points[(points['place'] - tip['place']) @ tip['way'] < 0.0]
             if len(behind):
-                self._ended.append(self._on_path(behind, self.path.nodes)[0])
+                self._end_shares.append(self._on_path(behind, self.path.nodes)[0])
 
     def _see_yaw(self, picture: Picture) -> None:
         """Compare the ridge under the pad with its way, not at corners or while turning."""
@@ -139,7 +140,7 @@ class EdgeMap:
         """Begin a path at the ridge nearest to the pad's centre."""
         picture, cloud = self.picture, self._cloud
         may_close = may_close and (self.path is None or self.path.may_close)
-        self._off_path, self.followed, self._ended = 0, False, []
+        self._off_path, self.followed, self._end_shares = 0, False, []
         cosine = np.abs(cloud['way'] @ heading).max()
         if cosine < ROUGHLY_ALONG:
             return Reason(ReasonCode.EDGE_LOST, (
@@ -201,7 +202,7 @@ class EdgeMap:
     @property
     def forks(self) -> bool:
         """True if another ridge begins where the path ends."""
-        return len(self._ended) >= PICTURES and sum(self._ended) < ALONE * len(self._ended)
+        return sum(self._end_shares) < ALONE * len(self._end_shares)
 
     def locate(self, pose: np.ndarray, commanded: np.ndarray, here: float, ahead: float,
               move: tuple[float, float] = (0.0, 0.0)) -> path_queries.PathPosition:
