@@ -228,7 +228,7 @@ def sticking(simulation, from_force):
 
 
 @LAWS_ON_SCENES
-@pytest.mark.parametrize('tested', [True, pytest.param(False, marks=pytest.mark.long)])
+@pytest.mark.parametrize('tested', [True, False])
 def test_a_sensor_that_sticks_is_found_before_the_pad_goes_on(scene, law, tested):
     goal = LINE if scene.startswith('surfaces') else EdgeGoal(0.03, FORCE, length=0.03)
     summary = summary_of(sticking(Simulation(scene_of(scene), law, config=ServoConfig(

@@ -75,7 +75,6 @@ def test_a_coarse_array_with_a_tactel_in_the_middle_follows(shape, count, pitch)
     assert summary['surface_max'] < 0.5e-3 and summary['force_max'] < 6.0
 
 
-@pytest.mark.long
 def test_patches_of_a_raster_are_as_certain_as_they_claim():
     """The filtered normals of a servo have errors that last over some millimetres."""
     scores, found = in_the_loop(coarse_scene('cylinder_120'))
@@ -170,7 +169,6 @@ def test_surfaces_are_followed(name):
     assert summary['tracked_length'] == pytest.approx(0.03, abs=5e-4)
 
 
-@pytest.mark.long
 def test_the_thesis_control_lags_behind():
     slow, fast = (follow(scene_of(CYLINDER), line(speed, length=0.015),
                          law='jacobian_rate')[1]
@@ -179,7 +177,6 @@ def test_the_thesis_control_lags_behind():
     assert fast['force_rms_error'] > 1.0 and fast['centre_max'] > 0.8e-3
 
 
-@pytest.mark.long
 def test_contact_far_from_the_centre_is_brought_there():
     simulation, summary = follow(scene_of(SPHERE, start=SurfaceStart(aside_x=0.011)), line(0.02))
     truth = simulation.truth()
@@ -205,8 +202,7 @@ def test_a_fragile_object_stays_whole():
     assert summary['ok'] and not summary['broken'] and summary['force_max'] < 2.5
 
 
-@pytest.mark.parametrize('name, most', [
-    pytest.param('up', 9.0, marks=pytest.mark.long), ('ledge', 12.0)])
+@pytest.mark.parametrize('name, most', [('up', 9.0), ('ledge', 12.0)])
 def test_steps_and_edges_are_followed_or_the_goal_ends(name, most):
     _, summary = follow(scene_of(OBJECTS[name]), line(0.03, length=0.04, heading=(
         np.cos(0.3), np.sin(0.3), 0.0)), seconds=8.0)
@@ -215,7 +211,7 @@ def test_steps_and_edges_are_followed_or_the_goal_ends(name, most):
     assert summary['reason']
 
 
-@pytest.mark.parametrize('factor', [pytest.param(0.25, marks=pytest.mark.long), 4.0])
+@pytest.mark.parametrize('factor', [0.25, 4.0])
 def test_a_wrong_modulus_is_borne(factor):
     """The stiffness along the normal is then half of the true one, or twice."""
     probe = ProbeConfig(modulus=factor * ProbeConfig.modulus)
@@ -301,7 +297,6 @@ def test_a_goal_ends_after_its_duration():
     assert np.ptp(truth.time[truth.tracking]) == pytest.approx(0.8, abs=0.01)
 
 
-@pytest.mark.long
 def test_a_hard_press_is_relieved():
     # From 15 N, as a hold and what follows it may leave the probe.
     config = ServoConfig(max_load=22.5)
@@ -327,8 +322,7 @@ def test_a_law_of_edges_is_refused(capsys):
 
 @pytest.mark.parametrize('heading', [  # square to the step, and aslant
     pytest.param(0.3, marks=pytest.mark.long), 1.2])
-@pytest.mark.parametrize('drop, reason', [
-    pytest.param(0.001, 'length_reached', marks=pytest.mark.long), (0.003, 'too_deep')])
+@pytest.mark.parametrize('drop, reason', [(0.001, 'length_reached'), (0.003, 'too_deep')])
 def test_steps_down_are_followed_up_to_what_a_fault_looks_like(drop, reason, heading):
     # On the rim of a high step the force says less than the depth, as of a sensor that lost gain.
     _, summary = follow(scene_of(StepShape(-drop)), line(length=0.04, heading=(

@@ -94,7 +94,6 @@ def test_a_contour_closes_and_is_rebuilt():
     assert len(simulation.servo.contour()) > 300
 
 
-@pytest.mark.long
 def test_a_corner_just_after_the_start_is_known_when_it_comes_again():
     side, turn = (0.03, 0.0), (0.0, 0.2 * math.pi)  # the edge begins in the middle of a side
     plan = walk((0.0, 0.0), 0.0, [(0.015, 0.0), turn, *[side, turn] * 9, (0.015, 0.0)])
@@ -294,12 +293,12 @@ def test_latency_is_no_part_of_the_lateral_loop():
     assert np.abs(truth.lateral[truth.tracking & (truth.progress > 0.02)]).max() < 0.05e-3
 
 
-@pytest.mark.parametrize('scene, latency', [
-    pytest.param('gap', 0.06, marks=(pytest.mark.long, pytest.mark.xfail(strict=True, reason=(
+@pytest.mark.parametrize('scene, latency, seed', [
+    pytest.param('gap', 0.06, 3, marks=(pytest.mark.long, pytest.mark.xfail(strict=True, reason=(
         'beyond a gap the edge comes under a pad that has not seen it: 6 to 12 N by the seed')))),
-    ('two_segments', 0.08)])
-def test_late_pictures_do_no_harm_at_any_speed(scene, latency):
-    _, summary = follow(scene, 0.2, latency=latency, seed=3)
+    ('two_segments', 0.08, 3), pytest.param('two_segments', 0.08, 4, marks=pytest.mark.long)])
+def test_late_pictures_do_no_harm_at_any_speed(scene, latency, seed):
+    _, summary = follow(scene, 0.2, latency=latency, seed=seed)
     assert summary['ok'] and summary['reason_code'] == 'edge_ended'
     assert summary['lateral_max'] < 0.5e-3 and summary['force_max'] < 7.5
 
