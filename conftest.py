@@ -3,6 +3,7 @@ from functools import lru_cache
 import os
 from pathlib import Path
 
+from hypothesis import settings
 import pytest
 
 # Set before numpy is loaded: its threads, one per core of the host, wait for each other on a busy
@@ -17,6 +18,10 @@ except ImportError:  # only tests of tools, without the workspace
 else:
     if not os.environ.get('ROS_DOMAIN_ID'):
         os.environ['ROS_DOMAIN_ID'] = str(hold_domain())
+
+# No time decides a test: the first example may load a kernel.
+settings.register_profile('untimed', deadline=None)
+settings.load_profile('untimed')
 
 ROOT = Path(__file__).resolve().parent
 LONG = bool(os.environ.get('TACTILE_LONG_TESTS'))

@@ -59,7 +59,7 @@ def plain(value, like):
 
 
 @pytest.mark.parametrize('kind', KINDS, ids=lambda kind: kind.__name__)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(data=st.data())
 def test_every_field_is_what_was_written(kind, data):
     message = data.draw(messages(kind))
@@ -70,7 +70,7 @@ def test_every_field_is_what_was_written(kind, data):
 
 
 @pytest.mark.parametrize('kind', KINDS, ids=lambda kind: kind.__name__)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(data=st.data())
 def test_bytes_that_are_no_message_are_refused(kind, data):
     raw = bytearray(serialize_message(data.draw(messages(kind))))

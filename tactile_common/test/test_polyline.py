@@ -14,8 +14,8 @@ CORNER = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]])
 COORDINATES = st.floats(-1.0, 1.0).map(lambda value: round(value, 6))
 
 
-def nearest(points, x, y, *between):
-    return nearest_on_polyline(points[:, 0], points[:, 1], arc_length(points), x, y, *between)
+def nearest(points, x, y, first=-math.inf, last=math.inf):
+    return nearest_on_polyline(points[:, 0], points[:, 1], arc_length(points), x, y, first, last)
 
 
 def moved(points, angle, shift):

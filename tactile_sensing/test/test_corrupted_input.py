@@ -17,7 +17,7 @@ from tactile_sensing.types.image import COMPONENTS, Layer, TactileImage
 
 ESTIMATORS = {(method, model): ContactEstimator(EstimatorConfig(method=method, model=model))
               for method in METHODS for model in MODELS}
-MANY = settings(max_examples=1000 if os.environ.get('TACTILE_LONG_TESTS') else 300, deadline=None,
+MANY = settings(max_examples=1000 if os.environ.get('TACTILE_LONG_TESTS') else 300,
                 derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 PARAMETERS = {
     ContactType.POINT: ('x', 'y', 'normal_force', 'shear_force_x', 'shear_force_y'),

@@ -222,7 +222,7 @@ def test_interrupt_leaves_nothing(there, capsys, monkeypatch):
     assert [path.name for path in there.iterdir()] == ['in.npz']
 
 
-@settings(max_examples=50, deadline=None, derandomize=True,
+@settings(max_examples=50, derandomize=True,
           suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(npst.arrays(
     st.one_of(npst.floating_dtypes(sizes=(16, 32, 64)), npst.integer_dtypes(),

@@ -145,7 +145,7 @@ def test_mimic_of_a_boundary_at_the_right_distance():
     assert pictures_of(decode([stream])[1]) == expected
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=100, derandomize=True)
 @given(data=st.data())
 def test_any_pictures_come_back_from_any_pieces(data):
     rows, columns = data.draw(st.tuples(st.integers(1, 5), st.integers(1, 5)))
@@ -163,7 +163,7 @@ def test_any_pictures_come_back_from_any_pieces(data):
     assert got == [bytes(payload) for payload in payloads][len(payloads) - len(got):]
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=100, derandomize=True)
 @given(garbage=st.binary(max_size=200), cut=st.integers(0, PERIOD))
 def test_no_byte_is_unaccounted_for(garbage, cut):
     stream = garbage + STREAM[cut:]

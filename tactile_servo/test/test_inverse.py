@@ -235,7 +235,7 @@ def _step_within(motion, twist, now_ns):
 numbers = st.floats(-20.0, 20.0) | st.sampled_from([0.0, float('nan'), float('inf'), 1e300, 5e-17])
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(joints=st.sampled_from([5, 6, 7]), seed=st.integers(0, 2**31),
        starts=st.lists(st.sampled_from([-2.0, 2.0, 0.0, 1.999]), min_size=7, max_size=7),
        twists=st.lists(st.lists(numbers, min_size=6, max_size=6), min_size=1, max_size=6),

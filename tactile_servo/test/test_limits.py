@@ -18,7 +18,7 @@ LIMITS = JointLimits(
 speeds = st.floats(-50.0, 50.0) | st.sampled_from([0.0, float('nan'), float('inf'), 1e300])
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=500)
 @given(positions=st.tuples(st.floats(-1.1, 1.1), st.floats(-2.1, 0.6), st.floats(-9, 9)),
        previous=st.tuples(st.floats(-2, 2), st.floats(-1, 1), st.floats(-4, 4)),
        wanted=st.tuples(speeds, speeds, speeds), dt=st.sampled_from([DT, 1e-4, 0.1]))
@@ -46,7 +46,7 @@ def test_what_is_held_is_named_and_what_is_not_stays(positions, previous, wanted
         assert abs(wanted[k] - previous[k]) > LIMITS.acceleration[k] * dt
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(share=st.floats(0.0, 1.0) | st.sampled_from([2.5e-17, 1e-300]), side=st.booleans(),
        off=st.sampled_from([0.0, 2.3e-16, -2.3e-16, 1e-12]))
 def test_rounding_at_a_limit_does_not_hold_the_other_joints(share, side, off):

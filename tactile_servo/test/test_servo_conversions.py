@@ -25,7 +25,7 @@ from tactile_servo.types import State, Status, Timing
 TIMING = Timing(2e-3, 1e-3, 5e-4, 12, 5)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_a_trajectory_comes_back_from_its_message(data):
     names = tuple(data.draw(st.lists(st.text('abü_1', max_size=9), min_size=1, max_size=7)))

@@ -41,7 +41,7 @@ def next_window(window, elapsed, wanted):
     return kept, extended(kept, velocities, velocities, PERIOD, COAST, LIMITS.acceleration)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(start=st.tuples(st.floats(-1.0, 1.0), st.floats(-2.0, 0.5), st.floats(-9, 9)),
        cycles=st.lists(st.tuples(pauses, st.tuples(speeds, speeds, speeds), st.integers(1, 30)),
                        min_size=1, max_size=12))

@@ -346,7 +346,7 @@ def test_what_a_fit_works_on_does_not_grow(noise):
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(npst.arrays(float, st.tuples(st.integers(1, 20), st.just(3)), elements=ANY),
        npst.arrays(float, (20, 3), elements=st.floats(-1, 1)))
 def test_garbage_never_raises(points, normals):

@@ -60,7 +60,7 @@ def test_before_the_first_contact_and_after_a_bad_one():
     assert not patch.valid and 'not finite' in patch.reason
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(npst.arrays(float, st.tuples(st.integers(1, 12), st.just(3)), elements=st.floats()),
        npst.arrays(float, (12, 3), elements=st.floats(-1, 1)))
 def test_garbage_is_refused(points, normals):

@@ -252,7 +252,7 @@ def test_refused_contours(points, message):
         find_outline(points)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(npst.arrays(float, st.tuples(st.integers(4, 30), st.just(3)),
                    elements=st.floats(-1.0, 1.0)))
 def test_garbage_gives_an_outline_or_a_refusal(points):

@@ -75,7 +75,7 @@ class EdgePath:
             direction of travel, and the arc length of that point [m].
         """
         xs, ys, _ = self.points.T
-        places = [nearest_on_polyline(xs, ys, self.arclength, x, y)
+        places = [nearest_on_polyline(xs, ys, self.arclength, x, y, -math.inf, math.inf)
                   for x, y, _ in np.atleast_2d(np.asarray(points, float)).tolist()]
         return (np.array([place.offset for place in places]),
                 np.array([place.station for place in places]))

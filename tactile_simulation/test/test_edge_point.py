@@ -92,7 +92,7 @@ def test_what_is_no_edge_is_not_located():
         assert edge_point(picture) is None
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(npst.arrays(np.float32, PAD.shape, elements=st.floats(width=32)))
 def test_garbage_has_a_place_on_the_pad_or_none(pressure):
     place = edge_point(image(pressure))

@@ -307,7 +307,7 @@ LIES = {'joints': [0.0] * 6}
 
 
 @pytest.mark.parametrize('tracker', list(LAWS))
-@settings(max_examples=(SEQUENCES + 1) // 2 or 12, derandomize=not SEQUENCES, deadline=None,
+@settings(max_examples=(SEQUENCES + 1) // 2 or 12, derandomize=not SEQUENCES,
           print_blob=True)
 @given(start=places, margin=st.sampled_from([1e-9, 1e-3, 0.4, 0.4]), goal=goals,
        prelude=preludes, script=st.lists(steps, max_size=12))

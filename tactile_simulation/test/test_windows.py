@@ -62,7 +62,7 @@ wishes = st.tuples(*[st.floats(-0.3, 0.3)] * 3, *[st.floats(-2.0, 2.0)] * 3) | s
 pauses = st.sampled_from([CYCLE] * 6 + [1_300_000, 4_000_000, 12_000_000, 60_000_000, 10**9])
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(script=st.lists(st.tuples(pauses, wishes, st.integers(1, 30)), max_size=8),
        ways=st.lists(st.integers(0, 2_000_000), min_size=7, max_size=7),
        period_ns=st.sampled_from([1_000_000, 2_000_000]), joined=st.booleans())
