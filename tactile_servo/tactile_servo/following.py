@@ -25,11 +25,12 @@ class FollowingCheck:
         self._distance = distance  # largest distance from the commanded way [m]
         self._times = np.empty(SIZE)
         self._sent, self._measured = np.empty((SIZE, 3, 4)), np.empty((SIZE, 3, 4))
-        self._count = 0
+        self.reset()
 
     def reset(self) -> None:
         """Forget all poses, because the robot starts again from where it is."""
         self._count = 0
+        self.yielded = 0.0  # of the sensor from the commanded way, along its own normal [m]
 
     def sent(self, now: float, commanded: np.ndarray, measured: np.ndarray) -> None:
         """Record the pose (4, 4) commanded at a time [s], and the pose measured then."""
@@ -46,8 +47,9 @@ class FollowingCheck:
         """
         if not self._count:
             return None
-        away, stands = _judge(self._times, self._sent, self._measured, self._count, measured,
-                              end, (arrival - LATE, REST_AFTER * self._distance))
+        away, self.yielded, stands = _judge(
+            self._times, self._sent, self._measured, self._count, measured, end,
+            (arrival - LATE, REST_AFTER * self._distance))
         if not away <= self._distance:
             return Reason(ReasonCode.NOT_FOLLOWING, f'it is {1e3 * away:.1f} mm from its way')
         if stands:
@@ -73,8 +75,8 @@ def apart(one: np.ndarray, other: np.ndarray) -> float:
 
 
 @njit(cache=True)
-def _off_way(one: np.ndarray, other: np.ndarray, measured: np.ndarray) -> float:
-    """Return the distance of a pose (3 or 4, 4) from the way between two others [m]."""
+def _off_way(one: np.ndarray, other: np.ndarray, measured: np.ndarray) -> tuple[float, float]:
+    """Return how far a pose (3 or 4, 4) is off the way between two others, and along its z [m]."""
     along = square = 0.0
     for i in range(3):
         for j in range(4):
@@ -83,15 +85,18 @@ def _off_way(one: np.ndarray, other: np.ndarray, measured: np.ndarray) -> float:
             along += weight * step * (measured[i, j] - one[i, j])
             square += weight * step**2
     share = min(max(along / max(square, 1e-300), 0.0), 1.0)
-    return apart(one[:3] + share * (other[:3] - one[:3]), measured)
+    nearest, off = one[:3] + share * (other[:3] - one[:3]), 0.0
+    for i in range(3):
+        off += measured[i, 2] * (measured[i, 3] - nearest[i, 3])
+    return apart(nearest, measured), off
 
 
 @njit(cache=True)
 def _judge(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count: int,
            measured: np.ndarray, end: np.ndarray,
-           limits: tuple[float, float]) -> tuple[float, bool]:
+           limits: tuple[float, float]) -> tuple[float, float, bool]:
     """
-    Return the distance from the commanded way [m], and whether the robot is at rest.
+    Return the distance from the commanded way, along z too [m], and whether the robot is at rest.
 
     The way leads through the commanded poses to `end`. `limits` are a time [s] and a distance
     `enough` [m]. The commands since that time count for the distance, and the last one before it.
@@ -99,22 +104,22 @@ def _judge(times: np.ndarray, sent: np.ndarray, measured_then: np.ndarray, count
     `REST_SHARE` of that.
     """
     since, enough = limits
-    nearest, moved, last, following = math.inf, 0.0, -1, end
+    nearest, off, moved, last, following = math.inf, 0.0, 0.0, -1, end
     for n in range(count - 1, max(count - SIZE, 0) - 1, -1):
         k = n % SIZE
         if last < 0:
-            distance = _off_way(sent[k], following, measured)
+            distance, deeper = _off_way(sent[k], following, measured)
             following = sent[k]
             if not distance >= nearest:  # also if it is NaN
-                nearest = distance
+                nearest, off = distance, deeper
             if times[k] <= since:
                 last = k
         moved = max(moved, apart(measured_then[k], measured))
         if last >= 0 and moved > REST_SHARE * enough:
             break
         if last >= 0 and apart(sent[k], sent[last]) >= enough:
-            return nearest, True
-    return nearest, False
+            return nearest, off, True
+    return nearest, off, False
 
 
 class Driven:
@@ -126,16 +131,27 @@ class Driven:
     """
 
     def __init__(self, inputs: Inputs, motion: Motion, distance: float):
-        self._inputs, self._motion, self._distance = inputs, motion, distance
+        self._inputs, self.motion, self._distance = inputs, motion, distance
         self._check = FollowingCheck(distance)
         self.until = -math.inf  # steady time until which the robot may move [s]
         self.sent_here = True  # whether it was sent to its measured position
         self._way: float | None = None  # of that command if it is due now [m]
 
     @property
+    def pose(self) -> np.ndarray:
+        """
+        Pose (4, 4) of the sensor where the commands lead it.
+
+        It is the commanded one, but as much less deep as the robot yields to the force now.
+        """
+        pose = self.motion.pose.copy()
+        pose[:3, 3] += self._check.yielded * pose[:3, 2]
+        return pose
+
+    @property
     def off(self) -> float:
         """Distance of the robot from the end of its last window, as in `apart` [m]."""
-        return apart(self._motion.rest_pose, self._inputs.pose)
+        return apart(self.motion.rest_pose, self._inputs.pose)
 
     @property
     def astray(self) -> bool:
@@ -146,18 +162,18 @@ class Driven:
         """Return that the robot does not follow its commands, or None."""
         inputs = self._inputs
         return None if inputs.joints is None else inputs.astray(
-            self._motion.positions) or self._check.problem(
-                inputs.pose, inputs.joints.arrival, self._motion.rest_pose)
+            self.motion.positions) or self._check.problem(
+                inputs.pose, inputs.joints.arrival, self.motion.rest_pose)
 
     def blocked(self) -> Reason | None:
         """Return what prevents all motion, or None."""
-        blocked = self._motion.blocked
+        blocked = self.motion.blocked
         return Reason(ReasonCode.MOTION_BLOCKED, blocked) if blocked else None
 
     def start_here(self) -> None:
         """Start from the measured position at rest; forget earlier commands."""
         assert self._inputs.joints is not None  # a goal starts with a joint state
-        self._motion.seed(self._inputs.joints.value)
+        self.motion.seed(self._inputs.joints.value)
         self._check.reset()
 
     def send_here(self) -> None:
@@ -169,10 +185,10 @@ class Driven:
 
     def move(self, twist: np.ndarray, now: float, now_ns: int, stamped: bool) -> MotionStep:
         """Command a twist (6,) of the sensor in its own frame [m/s, rad/s]."""
-        step = self._motion.command(twist, now_ns, stamped)
-        self._check.sent(now, self._motion.pose, self._inputs.pose)
+        step = self.motion.command(twist, now_ns, stamped)
+        self._check.sent(now, self.motion.pose, self._inputs.pose)
         if step.trajectory is not None:
-            self.until, self.sent_here = now + self._motion.lasting, False
+            self.until, self.sent_here = now + self.motion.lasting, False
         return step
 
     def stay(self, now: float, now_ns: int, stamped: bool) -> MotionStep | None:
@@ -180,7 +196,7 @@ class Driven:
         way, self._way = self._way, None
         if way is None:
             return None
-        step = self._motion.command(np.zeros(6), now_ns, stamped)
+        step = self.motion.command(np.zeros(6), now_ns, stamped)
         if way > SLIGHT * self._distance:
-            self.until = now + self._motion.lasting
+            self.until = now + self.motion.lasting
         return step

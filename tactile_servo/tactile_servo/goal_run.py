@@ -54,8 +54,8 @@ class GoalRun:
         self.success = False  # whether the goal was reached
         self.hold = Hold(Phase.APPROACH, Reason(ReasonCode.NONE), -np.inf)
         self._config, self._law, self._inputs, self._motion = config, law, inputs, motion
-        self._way = NormalWay(config, goal, law, inputs, motion)
         self._robot = Driven(inputs, motion, config.following_distance)
+        self._way = NormalWay(config, goal, law, inputs, self._robot)
         self._limits = TimeLimits(config, goal)
         self._paused, self._outcome = False, self.reason
         # Of this cycle: steady time, period, time since the previous cycle [s], why the robot must
@@ -327,7 +327,7 @@ class GoalRun:
         if phase in LIFTING:
             return self._way.retreat(dt)
         self.reference = self._law.reference(
-            self._inputs.pose, self._motion.pose, self._motion, dt)
+            self._inputs.pose, self._robot.pose, self._motion, dt)
         return self._way.relieved(self.reference.twist)
 
 

@@ -9,9 +9,9 @@ from tactile_servo.control.force_controller import REACTION, unseen_way
 from tactile_servo.control.press_check import most_doubted, most_unfelt, SLOPE_ERROR
 from tactile_servo.control.press_test import PressTest
 from tactile_servo.control.scaling import clipped
+from tactile_servo.following import Driven
 from tactile_servo.inputs import Inputs
 from tactile_servo.law import ServoLaw
-from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.types import Goal
 
@@ -29,9 +29,9 @@ class NormalWay:
     """
 
     def __init__(self, config: ServoConfig, goal: Goal, law: ServoLaw, inputs: Inputs,
-                 motion: Motion):
+                 robot: Driven):
         self._config, self._goal, self._law = config, goal, law
-        self._inputs, self._motion = inputs, motion
+        self._inputs, self._robot, self._motion = inputs, robot, robot.motion
         self._touched, self._lift = False, config.retreat_distance
         self._tested = not config.self_test  # whether the sensor passed a test, or needs none
         self._unfelt = 0.0  # largest unfelt force of the law since the last test [N]
@@ -245,7 +245,7 @@ class NormalWay:
         seen = None if contact is None else self._inputs.pose_at(contact.stamp_ns)
         if seen is None:
             return min(self._config.approach_speed, way / MAX_STAMP_AGE)
-        pose = self._motion.pose
+        pose = self._robot.pose
         blind = float((pose[:3, 3] - seen[:3, 3]) @ pose[:3, 2])
         return clipped((way - blind) / REACTION, 0.0, self._config.approach_speed)
 

@@ -118,10 +118,10 @@ def test_an_edge_does_not_end_where_a_coarse_pad_sees_no_ridge(tmp_path, path):
 
 
 def test_a_leg_that_few_images_of_few_tactels_show_is_no_end(tmp_path):
-    """6 x 6 tactels see the end of the first leg in three images; they refuse its corner."""
+    """8 x 8 tactels see the end of the first leg in eight images; they refuse its corner."""
     scene = on_an_edge(tmp_path, '{straight: 0.1}, {turn: 135}, {straight: 0.1}', 'depth: 0.002',
-                       size(6, '4.0'), 's: 0.02')
-    summary = summary_of(Simulation(scene, 'trace', seed=1), EdgeGoal(0.1, 5.0))
+                       size(8, '3.0'), 's: 0.02')
+    summary = summary_of(Simulation(scene, 'trace', seed=1), EdgeGoal(0.2, 5.0))
     assert not summary['ok'] and 'too sharp' in summary['reason']
 
 

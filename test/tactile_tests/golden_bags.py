@@ -6,7 +6,6 @@ The closed loop without ROS is recorded as the nodes are, by the same writer, fr
 from dataclasses import replace
 from pathlib import Path
 from shutil import copytree
-import sys
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -20,6 +19,7 @@ from edge_tracking.recording.record_bag import BagWriter
 from edge_tracking.recording.topics import topics
 from edge_tracking.replay.one import describe, Options, replay_one
 from edge_tracking.resources import share
+from tactile_common.command_line import Parser
 from tactile_common.parameter_file import ParameterFile
 from tactile_common.ros.cdr import packed, unpacked
 from tactile_common.ros.conversions import pose_to_msg, set_stamp, stamp_from_ns
@@ -211,8 +211,11 @@ def make(name, path):
 
 
 if __name__ == '__main__':
+    parser = Parser(prog='golden_bags', description='Record the bags of test/golden again.')
+    parser.add_argument('folder', type=Path, help='where they are written, a folder for each')
+    folder = parser.parse_args().folder
     for each in CASES:
-        done = make(each, Path(sys.argv[1], each))
+        done = make(each, folder / each)
         states = [cycle.status.state.name for cycle in done.log]
         print(each, f'{done.now - 1.0:.2f} s', {it: states.count(it) for it in states},
               done.log[-1].status.reason.text)
