@@ -198,6 +198,12 @@ def test_missing_input(there, capsys, args, words):
     assert not list(there.iterdir())
 
 
+def test_a_recording_of_ros_1_is_called_one(there, capsys):
+    (there / 'in.bag').write_bytes(b'#ROSBAG V2.0\n')
+    assert estimate.main(['in.bag', '-o', 'out.npz']) == 2
+    assert 'bag in.bag: is not a rosbag2 recording' in message(capsys)
+
+
 @pytest.mark.parametrize('save', [np.savez, np.savez_compressed])
 def test_damaged_archives(there, capsys, save):
     path = there / 'in.npz'

@@ -126,7 +126,11 @@ class ServoLaw(Protocol):
 
     def reference(self, pose: np.ndarray, commanded: np.ndarray, robot: Motion,
                   dt: float) -> Reference:
-        """Compute the wanted motion from the sensor's measured and commanded poses (4, 4)."""
+        """
+        Compute the wanted motion from the sensor's measured and commanded poses (4, 4).
+
+        The commanded one is where the commands lead it, see `Driven.pose`.
+        """
 
     def result(self) -> LawResult:
         """Return the result of the goal so far."""

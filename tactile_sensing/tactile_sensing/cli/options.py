@@ -12,7 +12,7 @@ from tactile_sensing.devices.stream import open_sensor, SensorStream
 from tactile_sensing.types.array import PITCH
 
 MAX_SIDE = 1024  # rows or columns
-BAGS = ('.mcap', '.db3')  # endings of bag files; a bag may also be a folder
+BAGS = ('.mcap', '.db3', '.bag')  # endings of bag files; a bag may also be a folder
 
 
 def add_pitch(arguments: argparse.ArgumentParser, required: bool = False) -> None:
