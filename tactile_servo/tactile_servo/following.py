@@ -47,12 +47,12 @@ class FollowingCheck:
         """
         if not self._count:
             return None
-        away, self.yielded, stands = _judge(
+        away, self.yielded, at_rest = _judge(
             self._times, self._sent, self._measured, self._count, measured, end,
             (arrival - LATE, REST_AFTER * self._distance))
         if not away <= self._distance:
             return Reason(ReasonCode.NOT_FOLLOWING, f'it is {1e3 * away:.1f} mm from its way')
-        if stands:
+        if at_rest:
             return Reason(ReasonCode.NOT_FOLLOWING,
                           f'it does not move {1e3 * LATE:.0f} ms after a command')
         return None

@@ -15,7 +15,13 @@ from tactile_simulation.scene import load_scene
 FORCE = 5.0  # N
 EDGE = EdgeGoal(0.1, FORCE)
 LINE = SurfaceGoal(0.05, FORCE, Pattern.LINE, (0.0, 1.0, 0.0), 0.03)
+COMPLIANT = replace(ServoConfig(), following_distance=0.01)
 YIELDING = 0.01  # s, time constant with which joints yield
+
+
+def loop_of(scene, **options):
+    folder, _, name = scene.rpartition('/')
+    return Simulation(coarse_scene(name) if folder else load_scene(scene), seed=1, **options)
 
 
 def on_a_spring(simulation, stiffness):
@@ -42,9 +48,7 @@ def on_a_spring(simulation, stiffness):
     ('surfaces/sphere_126', LINE, 1e4, True), ('straight', EDGE, 2e3, False),
     ('surfaces/plane', LINE, 5e3, False)])
 def test_an_object_that_gives_way_is_followed_or_the_goal_ends(scene, goal, stiffness, followed):
-    folder, _, name = scene.rpartition('/')
-    simulation = Simulation(coarse_scene(name) if folder else load_scene(scene), seed=1)
-    summary = summary_of(on_a_spring(simulation, stiffness), goal)
+    summary = summary_of(on_a_spring(loop_of(scene), stiffness), goal)
     assert summary['ok'] == followed, summary['reason']
     if followed:
         assert summary['force_rms_error'] < 0.3 and summary['force_max'] < 1.3 * FORCE
@@ -70,7 +74,7 @@ def yielding(simulation, stiffness):
     return simulation
 
 
-def sticking(simulation, band):
+def with_friction(simulation, band):
     """Have the joints move only when their command is further off than a band [m, rad]."""
     joints, last = simulation.robot._joints, []
     advance = joints.advance
@@ -83,32 +87,27 @@ def sticking(simulation, band):
     return simulation
 
 
-def on_a_compliant_arm(scene):
-    folder, _, name = scene.rpartition('/')
-    return Simulation(coarse_scene(name) if folder else load_scene(scene), seed=1,
-                      config=replace(ServoConfig(), following_distance=0.01))
-
-
 # Commanded and measured positions differ for as long as the pad presses, here by up to 2 mm.
 @pytest.mark.parametrize('scene, goal, stiffness', [
     ('two_segments', EDGE, 2.5e3), ('surfaces/sphere_126', LINE, 5e3),
     pytest.param('tape_case', replace(EDGE, closed=True), 5e3, marks=pytest.mark.long)])
 def test_a_robot_that_yields_keeps_the_force(scene, goal, stiffness):
-    summary = summary_of(yielding(on_a_compliant_arm(scene), stiffness), goal)
+    summary = summary_of(yielding(loop_of(scene, config=COMPLIANT), stiffness), goal)
     assert summary['ok'], summary['reason']
     assert summary['force_rms_error'] < 0.3 and summary['force_max'] < 1.3 * FORCE
 
 
 def test_a_robot_that_yields_more_than_the_pad_is_not_followed():
-    summary = summary_of(yielding(on_a_compliant_arm('straight'), 1e3), EDGE, 5.0)
+    summary = summary_of(yielding(loop_of('straight', config=COMPLIANT), 1e3), EDGE, 5.0)
     assert 'robot does not follow' in summary['reason'] and summary['force_max'] < FORCE
     assert summary['tracked_length'] == 0.0
 
 
 def test_a_robot_with_friction_is_followed_if_that_is_allowed():
     band = np.array([2e-4] * 3 + [2e-3] * 3)
-    summary = summary_of(sticking(on_a_compliant_arm('two_segments'), band), EDGE)
+    summary = summary_of(
+        with_friction(loop_of('two_segments', config=COMPLIANT), band), EDGE)
     assert summary['ok'], summary['reason']
     assert summary['lateral_max'] < 0.5e-3 and summary['force_max'] < 1.3 * FORCE
-    refused = summary_of(sticking(Simulation(load_scene('two_segments'), seed=1), band), EDGE, 5.0)
+    refused = summary_of(with_friction(loop_of('two_segments'), band), EDGE, 5.0)
     assert 'does not move' in refused['reason'] and refused['force_max'] < FORCE
