@@ -33,8 +33,8 @@ def tracked(tmp_path_factory):
         it.reach(0.5 * LENGTH)
         assert it.pause(True).success
         it.wait(lambda: it.listener.code == ServoReason.PAUSED, 'the pause')
-        it.taught = [it.call(TeachFeatures, 'edge_servo/teach', name=name)
-                     for name in ('here', 'not a name')]
+        it.taught = [call(TeachFeatures, 'edge_servo/teach', name=name)
+                     for call, name in ((it.insist, 'here'), (it.call, 'not a name'))]
         it.pause(False)
         it.finish(client)
         it.client = client

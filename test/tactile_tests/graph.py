@@ -175,6 +175,18 @@ class Bench:
         self.listener.destroy_client(client)
         return future.result()
 
+    def insist(self, kind, service, **request):
+        """Call a service until it agrees: where the machine stalls, inputs are stale meanwhile."""
+        answers = [self.call(kind, service, **request)]
+
+        def agrees():
+            if not answers[-1].success:
+                answers.append(self.call(kind, service, **request))
+            return answers[-1].success
+
+        self.graph.spin(agrees, DEADLINE)
+        return answers[-1]
+
     def path(self):
         """Return stamps (N,) [s] and sensor poses (N, 4, 4) in the base frame so far."""
         poses = list(self.listener.poses)
