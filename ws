@@ -349,6 +349,12 @@ write_setup_ros() {
 
 # ---------------------------------------------------------------------- both
 
+# Containers often forbid bytecode; each process would compile all that it imports, for seconds.
+keep_bytecode() {
+    unset PYTHONDONTWRITEBYTECODE
+    export PYTHONPYCACHEPREFIX="$WS/pycache"
+}
+
 # colcon_build [ARGS of colcon build]
 colcon_build() {
     set -- build --base-paths "$ROOT" --build-base "$BUILD" --install-base "$INSTALL" \
@@ -382,6 +388,8 @@ if [ -z "\${ROS_AUTOMATIC_DISCOVERY_RANGE:-}\${ROS_STATIC_PEERS:-}\
     esac
 fi
 export ROS_LOG_DIR="\${ROS_LOG_DIR:-$LOG/ros}"
+export PYTHONPYCACHEPREFIX='$WS/pycache'
+unset PYTHONDONTWRITEBYTECODE
 export NUMBA_CACHE_DIR='$BASE/numba'
 export HYPOTHESIS_STORAGE_DIRECTORY='$BASE/hypothesis'
 EOF
@@ -401,6 +409,7 @@ prepare() {
     exec 9>"$WS/lock" # released by the system, however this process ends
     flock -n 9 || { say 'waiting for another ./ws in this checkout ...' && flock 9; }
     if [ "$FLAVOUR" = bare ]; then setup_bare; else setup_ros; fi
+    keep_bytecode # not before: Debian's packages write theirs where they are
     signature=$(sources_signature)
     if [ "$when" = always ] || ! stamped "$BASE/build.stamp" "$signature"; then
         [ -n "$(packages)" ] || die "no packages in $ROOT"
