@@ -43,7 +43,7 @@ MISTAKES = [
     (demo, '--speed 30', f'speed is 30.0, {SPEED}; did you mean 0.03?'),
     (demo, '--speed nan', f'speed is nan, {SPEED}'),
     (demo, '--speed fast', "argument --speed: invalid float value: 'fast'"),
-    (demo, '--force 5000', 'force is 5000.0, must be between 0.5 and 8 N'),
+    (demo, '--force 5000', 'force is 5000.0, must be between 0.6 and 8 N'),
     (demo, '--law tracing', "invalid choice: 'tracing' (choose from"),
     (demo, '--seed -1', 'argument --seed: value is -1, must be between 0 and'),
     (demo, '--parameters none.yaml', 'parameter file none.yaml: cannot be read: No such file'),

@@ -16,6 +16,9 @@ MAX_STAMP_AGE = 0.1
 # Depth by which the force loop may press beyond the pose where it last met half of the force [m]:
 # a force of 10 N on the softest pad in use, 5000 N/m, needs 2 mm.
 PRESS_DEPTH = 0.003
+# Least force of a goal over `approach.contact_force`: a controlled force varies about its target,
+# and contact counts as lost where it is less.
+LEAST_FORCE = 1.2
 
 
 def image_patience(rate: float) -> float:
@@ -61,10 +64,16 @@ class ServoConfig:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if self.max_force < self.contact_force:
+        if self.max_force < self.min_force:
             raise ConfigurationError(
-                f'force.max_load of {self.max_load:g} N allows goals of {self.max_force:g} N at '
-                f'most, below approach.contact_force, {self.contact_force:g} N')
+                f'force.max_load of {self.max_load:g} N allows goals of {self.max_force:.3g} N at '
+                f'most, approach.contact_force of {self.contact_force:g} N those of '
+                f'{self.min_force:.3g} N at least')
+
+    @property
+    def min_force(self) -> float:
+        """Smallest force that a goal may ask for [N]."""
+        return LEAST_FORCE * self.contact_force
 
     @property
     def max_force(self) -> float:
@@ -73,12 +82,7 @@ class ServoConfig:
 
 
 def check_goal(speed: float, force: float, config: ServoConfig) -> None:
-    """
-    Check the speed [m/s] and the force [N] of a goal.
-
-    ConfigurationError if one is outside the servo's bounds. The force must be at least
-    `approach.contact_force`: a smaller one cannot be detected and so cannot be controlled.
-    """
+    """Check speed [m/s] and force [N] of a goal; ConfigurationError if one is out of bounds."""
     checked('speed', speed, float, {'range': (SLOWEST, config.max_speed), 'unit': 'm/s'})
     checked('force', force, float, {
-        'range': (config.contact_force, config.max_force), 'unit': 'N'})
+        'range': (config.min_force, config.max_force), 'unit': 'N'})

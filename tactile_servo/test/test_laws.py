@@ -102,9 +102,10 @@ def test_settings_out_of_bounds_are_refused_by_python_too(kind):
 
 
 def test_a_load_below_what_counts_as_contact_is_refused():
-    assert ServoConfig(max_load=0.75).max_force == ServoConfig().contact_force
-    with pytest.raises(ConfigurationError, match='of 0.7 N allows goals of 0.46'):
-        ServoConfig(max_load=0.7)
+    assert ServoConfig(max_load=0.91).max_force == pytest.approx(0.607, abs=1e-3)
+    with pytest.raises(ConfigurationError, match='of 0.8 N allows goals of 0.533 N at most, '
+                       'approach.contact_force of 0.5 N those of 0.6 N at least'):
+        ServoConfig(max_load=0.8)
 
 
 def test_laws_do_not_import_each_other():

@@ -13,7 +13,7 @@ from tactile_servo.config import PRESS_DEPTH, ServoConfig
 from tactile_servo.law import Observation
 from tactile_servo.laws.edge_following import EdgeFollowing
 from tactile_servo.laws.edge_motion import EdgeFollowingConfig
-from tactile_servo.reasons import ReasonCode
+from tactile_servo.reasons import ReasonCode, Refused
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
 from tactile_simulation.edge_path import lifted, walk
@@ -41,6 +41,17 @@ def test_open_edges_are_tracked_within_the_bars(scene, speed, rms, largest):
     assert summary['lateral_rms'] <= rms and summary['lateral_max'] <= largest
     assert summary['force_max'] <= 7.5
     assert simulation.robot.limit_violations == 0
+
+
+def test_the_smallest_force_is_kept_and_less_is_refused():
+    """From the force that counts as contact to 1.1 times that, goals held: contact lost."""
+    simulation = Simulation(load_scene('course'), seed=1)
+    force = simulation.servo.config.min_force
+    with pytest.raises(Refused, match='force is 0.55, must be between 0.6 and'):
+        simulation.run(EdgeGoal(0.1, 0.55), 1.0)
+    summary = summary_of(simulation, EdgeGoal(0.1, force), 20.0)
+    assert summary['ok'], summary['reason']
+    assert summary['force_rms_error'] < 0.1 * force and summary['lateral_max'] < 0.5e-3
 
 
 @pytest.mark.parametrize('scene, speed, yaw', [
