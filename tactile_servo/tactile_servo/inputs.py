@@ -155,7 +155,12 @@ class Inputs:
 
     def touches(self, force: float, most: float) -> bool:
         """Return whether the load is at least a force [N] and no noise, or at least `most` [N]."""
-        return self.load >= min(max(force, SURE * self._noise), most)
+        return self.load >= min(max(force, self.least_force), most)
+
+    @property
+    def least_force(self) -> float:
+        """Smallest force on the pad that is no noise [N]; 0 before the first image."""
+        return SURE * self._noise
 
     @property
     def largest_load(self) -> float:

@@ -155,6 +155,10 @@ class Supervisor:
             return Reason(ReasonCode.BUSY, 'cancel it first')
         try:
             check_goal(goal.speed, goal.force, self.config)
+            if goal.force < self.inputs.least_force:
+                raise ConfigurationError(
+                    f'force is {goal.force:g}, must be {self.inputs.least_force:.2g} N at least: '
+                    'a smaller one may be noise of this sensor')
             checked('client_timeout', goal.client_timeout, float,
                     {'range': (0.0, LONGEST_SILENCE), 'unit': 's'})
         except ConfigurationError as error:

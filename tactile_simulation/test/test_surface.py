@@ -227,6 +227,17 @@ def test_a_sensor_that_does_not_fit_into_the_probe_is_refused():
     assert simulation.servo.state is State.IDLE
 
 
+def test_a_force_that_may_be_noise_is_refused():
+    """The probe never touched, and the goal was met."""
+    simulation = Simulation(
+        scene_of(SPHERE), seed=1, config=replace(ServoConfig(), contact_force=0.05))
+    with pytest.raises(Refused, match='force is 0.1, must be 0.11 N at least.* noise'):
+        simulation.run(line(force=0.1), 1.0)
+    summary = summary_of(simulation, line(force=0.5))
+    assert summary['ok'] and summary['contact_kept'] == 1.0, summary['reason']
+    assert summary['force_rms_error'] < 0.12
+
+
 @pytest.mark.parametrize('dome, hole', [
     pytest.param(Dome(), 0, marks=pytest.mark.long), (Dome(), 3),
     (Dome(skin_radius=0.035, array_radius=0.033, core_radius=0.031), 0)])
