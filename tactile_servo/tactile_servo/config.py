@@ -16,8 +16,8 @@ MAX_STAMP_AGE = 0.1
 # Depth by which the force loop may press beyond the pose where it last met half of the force [m]:
 # a force of 10 N on the softest pad in use, 5000 N/m, needs 2 mm.
 PRESS_DEPTH = 0.003
-# Least force of a goal over `approach.contact_force`: a controlled force varies about its target,
-# and contact counts as lost where it is less.
+# Least force of a goal, as a multiple of `approach.contact_force`: the force varies about its
+# target, and below that parameter contact counts as lost: on edges with 1.1, never with 1.2.
 LEAST_FORCE = 1.2
 
 
@@ -45,9 +45,9 @@ class ServoConfig:
         0.01, 'speed along the normal towards the object, and away from it', 'm/s', 1e-4, 0.1,
         name='approach.speed')
     contact_force: float = bounded(
-        0.5, 'force from which the pad counts as touching, if it is no noise; '
-             "for `trace` on its way at least a quarter of the goal's force", 'N', 0.01, 100.0,
-        name='approach.contact_force')
+        0.5, 'force from which the pad counts as touching, if it is no noise; goals need 1.2 '
+             "times as much; for `trace` on its way at least a quarter of the goal's force", 'N',
+        0.01, 100.0, name='approach.contact_force')
     approach_distance: float = bounded(
         0.03, 'the approach gives up after this way', 'm', 0.001, 1.0, name='approach.distance')
     retreat_distance: float = bounded(
