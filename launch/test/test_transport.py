@@ -33,6 +33,14 @@ for kind in ('udp', 'udp6', 'tcp', 'tcp6'):
         if f'socket:[{fields[9]}]' in own:
             print(fields[1].split(':')[0])
 """
+# The names of the threads of a node's process.
+THREADS = """
+from pathlib import Path
+import rclpy
+rclpy.init()
+node = rclpy.create_node('threads')
+print(*(task.joinpath('comm').read_text().strip() for task in Path('/proc/self/task').iterdir()))
+"""
 # A node that is killed without a word, and one that prints how long it goes on counting it.
 KILLED = """
 import subprocess, sys, time, rclpy
@@ -76,6 +84,15 @@ def test_a_node_has_loopback_sockets_alone():
     assert found and set(found) <= set(LOOPBACK)
     # Without the profile the range LOCALHOST leaves sockets that any host can send to.
     assert '00000000' in addresses(plain() | {RANGE: 'LOCALHOST'})
+
+
+@pytest.mark.skipif(not Path('/proc/self/task').exists(), reason='no /proc: not Linux')
+@pytest.mark.parametrize('restricted', [local_environment, lease_environment])
+@fast_dds
+def test_fast_dds_exchanges_no_types_because_that_can_crash(restricted):
+    done = subprocess.run([sys.executable, '-c', THREADS], env=plain() | restricted(plain()),
+                          check=True, capture_output=True, text=True, timeout=60)
+    assert 'dds.udp' in done.stdout and 'dds.tls' not in done.stdout  # type lookup service
 
 
 @fast_dds
