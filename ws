@@ -387,7 +387,7 @@ if [ -z "\${ROS_AUTOMATIC_DISCOVERY_RANGE:-}\${ROS_STATIC_PEERS:-}\
         *) export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ;;
     esac
 fi
-export ROS_LOG_DIR="\${ROS_LOG_DIR:-$LOG/ros}"
+[ -n "\${ROS_LOG_DIR:-}" ] || [ ! -w '$LOG' ] || export ROS_LOG_DIR='$LOG/ros'
 export PYTHONPYCACHEPREFIX='$WS/pycache'
 unset PYTHONDONTWRITEBYTECODE
 export NUMBA_CACHE_DIR='$BASE/numba'
@@ -404,8 +404,8 @@ prepare() {
             die "the path $ROOT has a character that CMake or ROS 2 cannot take;" \
                 'move the checkout to a path of letters, digits and / . _ + @ % , = ~ -' ;;
     esac
-    mkdir -p "$LOG"
-    touch "$WS/COLCON_IGNORE"
+    { mkdir -p "$LOG" && touch "$WS/COLCON_IGNORE"; } 2>/dev/null ||
+        die "you cannot write to $WS; to use what another user has built there: . $SETUP"
     exec 9>"$WS/lock" # released by the system, however this process ends
     flock -n 9 || { say 'waiting for another ./ws in this checkout ...' && flock 9; }
     if [ "$FLAVOUR" = bare ]; then setup_bare; else setup_ros; fi

@@ -11,6 +11,7 @@ is set before anything is compiled.
 """
 from collections.abc import Iterator
 from concurrent.futures import as_completed, ProcessPoolExecutor
+from contextlib import suppress
 from importlib import import_module
 from importlib.util import find_spec
 from multiprocessing import get_context
@@ -20,6 +21,7 @@ import re
 import shutil
 import signal
 import sys
+from tempfile import TemporaryDirectory
 import time
 from typing import Any
 import zlib
@@ -62,7 +64,14 @@ def cache_folder() -> Path:
     Return the folder of the compiled kernels: in NUMBA_CACHE_DIR, else in the user's cache.
 
     Its name changes with every module of these packages that contains kernels, or the records,
-    tuples and enumerations that kernels use.
+    tuples and enumerations that kernels use. numba reads only from folders that it can write to:
+    if this user cannot write to NUMBA_CACHE_DIR, because another user built the workspace, its
+    kernels are copied to the user's cache.
+
+    Raises
+    ------
+    PermissionError
+        If the user can write to neither.
     """
     digest = 0
     for name in PACKAGES:
@@ -73,8 +82,31 @@ def cache_folder() -> Path:
                 if COMPILED.search(source):
                     digest = zlib.crc32(source, digest)
                     digest = zlib.crc32(b'%d' % path.stat().st_mtime_ns, digest)
-    root = os.environ.get('NUMBA_CACHE_DIR') or os.environ.get('XDG_CACHE_HOME') or '~/.cache'
-    return Path(root, 'tactile_kernels', f'{digest:08x}').expanduser()
+    user = os.environ.get('XDG_CACHE_HOME') or '~/.cache'
+    shared, own = (Path(root, 'tactile_kernels', f'{digest:08x}').expanduser()
+                   for root in (os.environ.get('NUMBA_CACHE_DIR') or user, user))
+    if _writable(shared):
+        return shared
+    if not _writable(own):
+        raise PermissionError(f'no folder for compiled kernels: you cannot write to {own}; set '
+                              'NUMBA_CACHE_DIR to a folder that you can write to')
+    if not own.exists():
+        _copy(shared, own)
+    return own
+
+
+def _writable(folder: Path) -> bool:
+    """Return whether this user can write to a folder, or make it if it does not exist."""
+    there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
+    return os.access(there, os.W_OK | os.X_OK)
+
+
+def _copy(shared: Path, own: Path) -> None:
+    """Copy compiled kernels, unless they cannot be read: then they are compiled again."""
+    own.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=own.parent) as folder, suppress(OSError):
+        # At once: another process may look for them, or make the same copy.
+        shutil.copytree(shared, Path(folder, own.name)).rename(own)
 
 
 def compile_kernels() -> Iterator[tuple[str, float]]:

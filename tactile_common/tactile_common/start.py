@@ -29,10 +29,15 @@ def executable(module: str, interrupted: int = 130) -> Callable[[], None]:
     """
     def entry() -> None:
         status = int(os.environ.get(INTERRUPTED, interrupted))
+        name = module.rpartition('.')[2]
         _handle(lambda *_: os._exit(status))
         # The launch file blocks SIGINT: before the handler is set, the signal would kill.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-        main, ended = importlib.import_module(module).main, None
+        try:
+            main, ended = importlib.import_module(module).main, None
+        except PermissionError as error:  # this user may write to no folder for compiled kernels
+            print(f'{name}: {error}', file=sys.stderr)
+            sys.exit(2)
         try:
             _handle(_interrupt)
             ended = main() or 0
@@ -40,7 +45,7 @@ def executable(module: str, interrupted: int = 130) -> Callable[[], None]:
         except KeyboardInterrupt:
             if ended is None:
                 if status:
-                    print(f'{module.rpartition(".")[2]}: interrupted', file=sys.stderr)
+                    print(f'{name}: interrupted', file=sys.stderr)
                 ended = status
         # Skip the normal clean-up: to free numba's objects takes seconds on a loaded machine.
         sys.stdout.flush()

@@ -64,6 +64,27 @@ def run(made, program='sys.exit(kernels.main())'):
     return done.stdout, done.stderr
 
 
+def test_kernels_of_another_users_workspace_are_copied(made, monkeypatch):
+    run(made)
+    shared = kernels.cache_folder()
+    monkeypatch.setenv('XDG_CACHE_HOME', str(made.parent / 'own'))
+    monkeypatch.setattr(os, 'access', lambda path, mode: made.parent / 'cache' not in (
+        path, *path.parents))
+    own = kernels.cache_folder()
+    assert own == made.parent / 'own' / 'tactile_kernels' / shared.name
+    shared.rename(shared.with_name('gone'))  # what is compiled now is not from there
+    assert kernels.cache_folder() == own and os.listdir(own.parent) == [own.name]
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(made.parent / 'own'))
+    out, _ = run(made, 'from made_package.core import twice; twice(4); print(*twice.stats[1:])')
+    assert out == 'Counter({(int64,): 1}) Counter()\n'  # loaded once, never compiled
+
+
+def test_without_a_folder_to_write_to_it_says_which_to_set(made, monkeypatch):
+    monkeypatch.setattr(os, 'access', lambda path, mode: False)
+    with pytest.raises(PermissionError, match='tactile_kernels.*set NUMBA_CACHE_DIR'):
+        kernels.cache_folder()
+
+
 def test_kernels_are_compiled_into_it_and_older_or_damaged_ones_go(made):
     old = kernels.cache_folder()
     (old / 'core').mkdir(parents=True)

@@ -117,6 +117,13 @@ executable('slow', {options})()
 """
 
 
+def test_without_a_folder_for_kernels_an_executable_says_so_in_one_line(tmp_path):
+    (tmp_path / 'slow.py').write_text('raise PermissionError("no folder for them")')
+    done = subprocess.run([sys.executable, '-c', PROGRAM.format(folder=str(tmp_path), options='')],
+                          capture_output=True, text=True, timeout=DEADLINE)
+    assert (done.returncode, done.stderr) == (2, 'slow: no folder for them\n')
+
+
 @pytest.mark.parametrize('module', [
     'import threading; print(1, flush=True); threading.Event().wait()',  # while imported
     'import threading\ndef main():\n  print(1, flush=True)\n  threading.Event().wait()',
