@@ -1,6 +1,7 @@
 """The shape estimator node: what it publishes of a replayed trace, resets and odd input."""
 import time
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 import numpy as np
@@ -195,6 +196,26 @@ def test_odd_input_is_passed_over(bench):
     assert [patch.samples for patch in same] == [1, 2, 3] and not same[-1].valid
     patch = it.touch(contact_msg(50 * MS))  # older than every pose
     assert not patch.valid and 'no pose' in patch.reason
+
+
+def test_contacts_without_a_pose_are_logged_once_while_they_come(bench, monkeypatch):
+    it, warned, levels = bench(), [], []
+    monkeypatch.setattr(it.node, '_warn', warned.append)
+    monkeypatch.setattr(it.node, 'diagnose', lambda level, text: levels.append(level))
+    monkeypatch.setattr(it.node, '_on_diagnose', lambda: None)  # of the timer
+    it.touch(contact_msg(102 * MS), pose_msg(102 * MS, np.zeros(3), np.array([0.0, 0.0, 1.0])))
+
+    def diagnose(lost):
+        if lost:
+            it.touch(contact_msg(50 * MS))  # older than every pose
+        ShapeEstimatorNode._on_diagnose(it.node)
+    diagnose(True)
+    assert not warned  # a servo may still be starting
+    it.node._begun -= 60.0
+    for lost in (True, True, True, False, True):
+        diagnose(lost)
+    assert warned == [f'{k} contacts had no sensor_pose near their stamp' for k in (2, 5)]
+    assert levels == [*4 * [DiagnosticStatus.WARN], DiagnosticStatus.OK, DiagnosticStatus.WARN]
 
 
 def test_a_picture_that_is_no_message_is_passed_over(bench):

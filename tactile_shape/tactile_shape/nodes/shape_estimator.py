@@ -4,6 +4,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 import numpy as np
@@ -177,6 +178,7 @@ class ShapeEstimatorNode(TactileNode):
     def __init__(self, **kwargs: Any):
         super().__init__('shape_estimator', **kwargs)
         compile_kernels()
+        self._lost, self._losing = 0, False  # contacts without a pose, and whether more are coming
         self._shape = ShapeTopics(
             self.create_publisher, self._warn, declare_from(self, ShapeEstimatorConfig),
             declare_from(self, LocalQuadricConfig))
@@ -190,15 +192,23 @@ class ShapeEstimatorNode(TactileNode):
         self.create_subscription(PoseStamped, 'sensor_pose', self._shape.take_pose, _POSES)
 
     def _on_contact(self, msg: ContactMsg) -> None:
-        lost = self._shape.path.lost
         try:
             contact = contact_from_msg(msg)
         except TactileError as error:
             self._warn(f'contact ignored: {error}')
             return
         self._shape.take_contact(stamp_to_ns(msg.header.stamp), contact, msg.sensor)
-        if self._shape.path.lost > lost and not self.starting:
-            self._warn(f'{self._shape.path.lost} contacts had no sensor_pose near their stamp')
+
+    def _on_diagnose(self) -> None:
+        lost, self._lost = self._lost, self._shape.path.lost
+        losing = self._lost > lost
+        text = 'running'
+        if losing:
+            text = f'{self._lost} contacts had no sensor_pose near their stamp'
+        if losing and not self._losing and not self.starting:
+            self._warn(text)
+        self._losing = losing and not self.starting
+        self.diagnose(DiagnosticStatus.WARN if losing else DiagnosticStatus.OK, text)
 
 
 def main(args: list[str] | None = None) -> int:
