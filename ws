@@ -387,6 +387,7 @@ if [ -z "\${ROS_AUTOMATIC_DISCOVERY_RANGE:-}\${ROS_STATIC_PEERS:-}\
         *) export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ;;
     esac
 fi
+# Users who cannot write here have ROS's own folder of logs.
 [ -n "\${ROS_LOG_DIR:-}" ] || [ ! -w '$LOG' ] || export ROS_LOG_DIR='$LOG/ros'
 export PYTHONPYCACHEPREFIX='$WS/pycache'
 unset PYTHONDONTWRITEBYTECODE

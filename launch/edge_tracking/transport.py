@@ -33,7 +33,8 @@ def lease_environment(environment: Mapping[str, str] = os.environ) -> dict[str, 
     Return variables to add so that a node that died silently is removed within two seconds.
 
     With the defaults of Fast DDS this takes 20 s; during this time a respawned node counts as a
-    second publisher of its topics. Returns none if the environment names its own profiles.
+    second publisher of its topics. Type lookup, which can crash a process, is off, as it is in
+    the profile of `local_environment`. Returns none if the environment names its own profiles.
     """
     if any(environment.get(name) for name in ('FASTRTPS_DEFAULT_PROFILES_FILE', *PROFILES)):
         return {}

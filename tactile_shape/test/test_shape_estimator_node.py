@@ -215,7 +215,8 @@ def test_contacts_without_a_pose_are_logged_once_while_they_come(bench, monkeypa
     for lost in (True, True, True, False, True):
         diagnose(lost)
     assert warned == [f'{k} contacts had no sensor_pose near their stamp' for k in (2, 5)]
-    assert levels == [*4 * [DiagnosticStatus.WARN], DiagnosticStatus.OK, DiagnosticStatus.WARN]
+    ok, warn = DiagnosticStatus.OK, DiagnosticStatus.WARN
+    assert levels == [ok, warn, warn, warn, ok, warn]
 
 
 def test_a_picture_that_is_no_message_is_passed_over(bench):

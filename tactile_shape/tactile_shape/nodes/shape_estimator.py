@@ -178,7 +178,7 @@ class ShapeEstimatorNode(TactileNode):
     def __init__(self, **kwargs: Any):
         super().__init__('shape_estimator', **kwargs)
         compile_kernels()
-        self._lost, self._losing = 0, False  # contacts without a pose, and whether more are coming
+        self._lost, self._losing = 0, False  # contacts without a pose; whether more come
         self._shape = ShapeTopics(
             self.create_publisher, self._warn, declare_from(self, ShapeEstimatorConfig),
             declare_from(self, LocalQuadricConfig))
@@ -200,15 +200,15 @@ class ShapeEstimatorNode(TactileNode):
         self._shape.take_contact(stamp_to_ns(msg.header.stamp), contact, msg.sensor)
 
     def _on_diagnose(self) -> None:
-        lost, self._lost = self._lost, self._shape.path.lost
-        losing = self._lost > lost
-        text = 'running'
-        if losing:
-            text = f'{self._lost} contacts had no sensor_pose near their stamp'
-        if losing and not self._losing and not self.starting:
+        before, self._lost, losing = self._lost, self._shape.path.lost, self._losing
+        self._losing = self._lost > before and not self.starting
+        if not self._losing:
+            super()._on_diagnose()
+            return
+        text = f'{self._lost} contacts had no sensor_pose near their stamp'
+        if not losing:
             self._warn(text)
-        self._losing = losing and not self.starting
-        self.diagnose(DiagnosticStatus.WARN if losing else DiagnosticStatus.OK, text)
+        self.diagnose(DiagnosticStatus.WARN, text)
 
 
 def main(args: list[str] | None = None) -> int:
