@@ -368,6 +368,8 @@ colcon_build() {
         LD_LIBRARY_PATH=$(wheel_libraries)
         export LD_LIBRARY_PATH
         unset COLCON_PREFIX_PATH ROS_DISTRO
+        # Else colcon gives ninja a limit of load, and beside anything else it uses one core.
+        export MAKEFLAGS="-j$(nproc)"
         cd "$BASE" && "$ENV/bin/python" "$ENV/bin/colcon" --log-base "$LOG/colcon" "$@" \
             -GNinja "-DPython3_EXECUTABLE=$ENV/bin/python"
     )
