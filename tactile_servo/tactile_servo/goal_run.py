@@ -218,7 +218,8 @@ class GoalRun:
         found = law.assess(self._now, self.statistics.tracked_length, inputs.load)
         seen, contact = law.error, inputs.contact
         if seen is not None and contact is not None and found.state is not State.HOLD:
-            self.statistics.see(seen, inputs.pose, contact.stamp_ns)
+            at = inputs.pose_at(contact.stamp_ns)
+            self.statistics.see(seen, inputs.pose if at is None else at, contact.stamp_ns)
             self._way.see(seen.force)
         else:
             self._way.see(None)

@@ -17,7 +17,7 @@ from tactile_servo.motion.limits import JointLimits
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.reasons import Reason, ReasonCode, Refused
 from tactile_servo.sensor_watch import SensorWatch, SURE
-from tactile_servo.types import IMPOSSIBLE
+from tactile_servo.types import IMPOSSIBLE, pressure_layer
 
 _SATURATED, _NOT_TARED = int(ContactReason.SATURATED), int(ContactReason.NOT_TARED)
 SAME_PITCH = 1e-3  # relative
@@ -115,7 +115,9 @@ class Inputs:
 
     def see_contact(self, contact: Contact, stamp_ns: int, arrival: float) -> None:
         """Process a contact estimate."""
-        self.contact, self.refused = Sample(contact, stamp_ns, arrival), None
+        self.contact = Sample(contact, stamp_ns, arrival)
+        if self.refused is not None and self.refused.code is not ReasonCode.BAD_IMAGE:
+            self.refused = None
         fitted = contact.normal_force if contact.force_valid else 0.0
         self._felt = max(filter(math.isfinite, (fitted, contact.moments.m0)), default=0.0)
         reasons = int(contact.reasons)  # operations on a Flag are slow
@@ -133,14 +135,13 @@ class Inputs:
             if array is not known and not _alike(array, known):
                 self.refuse(Reason(ReasonCode.BAD_IMAGE, f'{_size_of(array)}, but the sensor has '
                                    f'{_size_of(known)}'))
-        pressure = noise = 0.0
-        for layer in image.layers if image.tared else ():
-            if layer.component == 'zz' and layer.unit == 'Pa':
-                stress = np.asarray(layer.stress, np.float64)
-                pressure += float(stress[np.abs(stress) < IMPOSSIBLE].sum())
-                noise = float(layer.noise_std) * math.sqrt(stress.size)
+        pressure, noise, layer = 0.0, 0.0, pressure_layer(image.layers)
+        if image.tared and layer is not None and layer.unit == 'Pa':
+            stress = np.asarray(layer.stress, np.float64)
+            pressure = float(stress[np.abs(stress) < IMPOSSIBLE].sum())
+            noise = float(layer.noise_std) * math.sqrt(stress.size)
         area = array.pitch_x * array.pitch_y
-        self.image = Sample(image, image.stamp_ns, arrival)
+        self.image, self.refused = Sample(image, image.stamp_ns, arrival), None
         self._summed, self._noise = pressure * area, noise * area
 
     def refuse(self, reason: Reason) -> None:

@@ -34,6 +34,7 @@ class NormalWay:
         self._inputs, self._robot, self._motion = inputs, robot, robot.motion
         self._touched, self._lift = False, config.retreat_distance
         self._tested = not config.self_test  # whether the sensor passed a test, or needs none
+        self._testing = False  # whether a test has begun and was not passed
         self._unfelt = 0.0  # largest unfelt force of the law since the last test [N]
         self._test: PressTest | None = None
         self._first = math.nan  # slope measured by the first test
@@ -60,7 +61,7 @@ class NormalWay:
         if after_test and self._tested:  # not the first test
             self._unfelt = 0.0
             self._law.resume()
-        self._tested = True
+        self._tested, self._testing = True, False
 
     @property
     def advance(self) -> float:
@@ -84,7 +85,8 @@ class NormalWay:
     def begin_test(self) -> None:
         """Record a touch and begin the first or another press test of the sensor."""
         self._touch()
-        if self._test is not None and math.isnan(self._first):
+        self._testing = True
+        if self._tested and self._test is not None and math.isnan(self._first):
             self._first = self._test.slope
         sensor = self._inputs.sensor
         rate = sensor.nominal_rate if sensor and sensor.nominal_rate else math.inf
@@ -92,7 +94,7 @@ class NormalWay:
             self._goal.force, self._inputs.load, self._law.depth, self._first, rate,
             self._config.approach_speed)
         if self._tested and self._law.press is not None:
-            self._law.press.learn()  # if the test fails, the goal ends
+            self._law.press.learn()  # the goal goes on only if the test is passed
 
     def test(self, dt: float) -> np.ndarray:
         """Compute the twist of the pad (6,) in the press test, for a cycle of `dt` [s]."""
@@ -154,8 +156,14 @@ class NormalWay:
 
     @property
     def needs_test(self) -> bool:
-        """Whether a pad that touches is to be tested, not relieved of more than its force."""
-        return not self._tested and self._inputs.load < self._goal.force
+        """
+        Whether a pad that touches is to be tested.
+
+        Before the first test a pad that is pressed by its force is relieved instead.
+        """
+        if self._tested:
+            return self._testing
+        return self._inputs.load < self._goal.force
 
     def meets_nothing(self) -> Reason | None:
         """Return that an approach has gone as far as it may, or None."""

@@ -73,12 +73,13 @@ class TimeLimits:
     """Total times of approach, tracking and retreat, and the longest ones that are allowed [s]."""
 
     def __init__(self, config: ServoConfig, goal: Goal):
-        speed, length = config.approach_speed, getattr(goal, 'length', 0.0)
+        speed, way = config.approach_speed, goal.way
         self._spent: dict[State, float] = defaultdict(float)
         self._longest = {
             State.APPROACH: _longest(config.approach_distance, speed),
-            State.TRACK: _longest(length, goal.speed) if length else LONGEST_TRACK,
-            State.RETREAT: _longest(config.retreat_distance, speed)}
+            State.TRACK: max(_longest(way, goal.speed) if way else LONGEST_TRACK,
+                             SLACK + getattr(goal, 'duration', 0.0)),
+            State.RETREAT: _longest(max(config.retreat_distance, config.approach_distance), speed)}
 
     def spend(self, phase: Phase, time: float) -> None:
         """Add a time in a phase [s]."""

@@ -11,9 +11,9 @@ from tactile_servo.laws.registry import DEFAULT, LAWS
 from tactile_servo.motion.limits import JointLimits, WorkspaceBox
 from tactile_servo.motion.robot import RobotModel
 
-# Distance kept from the URDF's joint limits [rad or m]: a joint that brakes late stays within the
-# limits, which some controllers check themselves.
-POSITION_MARGIN = 0.05
+# Distances kept from the URDF's limits of revolute [rad] and prismatic joints [m]: a joint that
+# brakes late stays within the limits, which some controllers check themselves.
+TURN_MARGIN, SLIDE_MARGIN = 0.05, 0.005
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,10 @@ def robot_of(config: NodeConfig) -> tuple[RobotModel, JointLimits, WorkspaceBox]
         raise ConfigurationError(
             'robot_description: no URDF given; pass its text or the path of a file')
     model = RobotModel.from_urdf(config.robot_description, config.tip_frame)
+    margin = np.where(model.turns, TURN_MARGIN, SLIDE_MARGIN)
     limits = JointLimits(
-        tuple(model.joint_names), model.lower + POSITION_MARGIN,
-        model.upper - POSITION_MARGIN, model.velocity_limit * config.velocity_scale,
+        tuple(model.joint_names), model.lower + margin, model.upper - margin,
+        model.velocity_limit * config.velocity_scale,
         _each(config.acceleration, model.joint_names))
     return model, limits, box_of(config)
 

@@ -45,7 +45,7 @@ class SensorWatch:
         stress = np.array(layer.stress).ravel()  # a copy
         if stress.size != self._before.size:
             self._quiet, self._interval = np.zeros(stress.size), np.full(stress.size, np.inf)
-            self._before = stress
+            self._before, self._place = stress, place.copy()
             return
         inside = (stress > (layer.floor if layer.floor else -np.inf)) & (stress < np.inf)
         changed = inside & (stress != self._before)

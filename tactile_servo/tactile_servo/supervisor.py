@@ -30,7 +30,7 @@ from tactile_servo.motion.trajectory import Trajectory
 from tactile_servo.phases import HELD, TOUCHING, TRACKING
 from tactile_servo.reasons import Reason, ReasonCode, Refused
 from tactile_servo.track_statistics import along_contour, TrackStatistics
-from tactile_servo.types import NAN, State, Status
+from tactile_servo.types import NAN, pressure_layer, State, Status
 
 LONGEST_SILENCE = 3600.0  # s, largest `client_timeout` of a goal
 
@@ -73,7 +73,7 @@ class Supervisor:
             self.journal.add(Call.DELAY, text=json.dumps(self._delay))
 
     def see_sensor(self, sensor: SensorInfo) -> None:
-        """Store the description of the sensor, which goals use that start later."""
+        """Store the description of the sensor; laws use the one at the start of a goal."""
         self.journal.add(Call.SENSOR, 0.0, sensor.stamp_ns)
         self.inputs.sensor = sensor
 
@@ -171,6 +171,11 @@ class Supervisor:
                           self.inputs.unbelieved or 'none has been received')
         if self.inputs.sensor is None:
             return Reason(ReasonCode.NO_IMAGE, 'no sensor_info has been received')
+        layer = pressure_layer(self.inputs.sensor.layers)
+        if layer is None or layer.unit != 'Pa':
+            return Reason(ReasonCode.UNSUPPORTED_GOAL, 'the sensor is not calibrated: its '
+                          f'pressure is in {layer.unit!r}, must be in Pa' if layer else
+                          'the sensor measures no pressure')
         lacking = self.inputs.contact_missing(images=False)
         if lacking is None or lacking.code is not ReasonCode.NOT_TARED:
             return None
@@ -277,9 +282,10 @@ class Supervisor:
         if joints is not None and dt > 0.0:  # a stopped clock gives no ages
             self._robot_clock.see(joints.stamp_ns, 1e-9 * (now_ns - joints.stamp_ns) - (
                 now - joints.arrival), now)
+        if self.run is not None:
+            self._end_without_client(self.run)
         if self.run is None or not self.active or (dt == 0.0 and self._clock.fault is None):
             return self._status(self.run), None
-        self._end_without_client(self.run)
         late = Reason(
             ReasonCode.NOT_FOLLOWING, f'commands come more than {1e3 * LATEST:.0f} ms late'
         ) if self.motion.delay.overdue > LATEST else None

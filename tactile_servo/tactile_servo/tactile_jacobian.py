@@ -18,12 +18,12 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays
 from tactile_sensing.types.array import TactelArray
 
-REFERENCE = 5.0  # force at which the sensitivity of a model is determined [N]
-FORMAT = 1
+REFERENCE = 5.0  # force at which a model's sensitivity is determined, and unit of forces [N]
+FORMAT = 2
 WORST_CONDITION = 50.0  # largest condition number of a Jacobian that is used
 _ARRAYS = ('contacts', 'features', 'forward', 'inverse', 'condition', 'scale')
 
-Features = Callable[..., np.ndarray]  # contact (3,), shear (2,) -> features (3,)
+Features = Callable[[np.ndarray], np.ndarray]  # contact (3,) -> features (3,)
 
 
 class FeatureKind(Enum):
@@ -90,21 +90,20 @@ class ModelFeatures:
             raise ConfigurationError(f'model: {REFERENCE:g} N at the centre give M0 = {m0:g} N')
         self.sensitivity = m0 / REFERENCE
 
-    def __call__(self, contact: np.ndarray, shear: tuple[float, ...] = (0.0, 0.0)) -> np.ndarray:
-        """Return the features (3,) for a contact (3,) and a shear force on the skin [N]."""
-        image = self._model.image(np.array([*contact, *shear]))[0] / self.sensitivity
+    def __call__(self, contact: np.ndarray) -> np.ndarray:
+        """Return the features (3,) for a contact (3,)."""
+        image = self._model.image(np.array([*contact, 0.0, 0.0]))[0] / self.sensitivity
         return features_of(image, self._array, self.kind)
 
 
 @dataclass(frozen=True)
 class Increments:
-    """Increments of Table 6.1, and the friction during small sliding motions."""
+    """Increments of Table 6.1, and the stiffness against the motion along the normal."""
 
     # By which the contact is moved either way [m]; at least a pitch, because over less the
     # centroid of a coarse array moves in steps.
     place: float = 1.0e-3
     force: float = 0.25  # share by which the force is changed either way
-    friction: float = 0.0  # coefficient of Coulomb friction against the sliding
     stiffness: float = 1.5e4  # K_z of (6.7): of skin, finger and robot along the normal [N/m]
 
     @classmethod
@@ -126,11 +125,8 @@ def loading_cases(features: Features, contact: np.ndarray,
     """
     Compute the changes of the features for the six increments of Table 6.1 from a base contact.
 
-    Returns the motions dX = (dx, dy, dp / K_z), (6, 3) [m], and the changes (6, 3).
-
-    The contact of the object slides over the skin by dx or dy, so the friction on the skin has
-    the direction of the increment. (In the thesis it opposes the increment, which makes J^-1 a
-    third larger at a coefficient of 0.5, not smaller.)
+    Returns the motions dX = (dx, dy, dp / K_z), (6, 3) [m], and the changes (6, 3). Friction
+    against the sliding by dx or dy is neglected.
     """
     contact = np.asarray(contact, dtype=float)
     base, motions, changes = features(contact), [], []
@@ -139,10 +135,7 @@ def loading_cases(features: Features, contact: np.ndarray,
         for sign in (1.0, -1.0):
             change = np.zeros(3)
             change[axis] = sign * size[axis]
-            shear = np.zeros(2)
-            if axis < 2:
-                shear[axis] = sign * increments.friction * contact[2]
-            changes.append(features(contact + change, tuple(shear)) - base)
+            changes.append(features(contact + change) - base)
             motions.append(change / [1.0, 1.0, increments.stiffness])
     return np.array(motions), np.array(changes)
 
@@ -199,6 +192,7 @@ class JacobianTable:
     condition: np.ndarray  # (N,)
     scale: np.ndarray  # (3,), units of the features
     stop: float = 1.0  # largest squared distance of a match, in scaled features
+    stiffness: float = Increments.stiffness  # K_z of the motions [N/m]
     usable: np.ndarray = field(init=False)  # (N,), True for finite, well-conditioned entries
 
     def __post_init__(self) -> None:
@@ -224,7 +218,8 @@ class JacobianTable:
         """
         Return J^-1 (3, 3) of the entry with the nearest features (3,).
 
-        Beyond the stop radius, or for features that are not finite, it is that of the last match.
+        Beyond the stop radius, or for features that are not finite, it is that of the last match,
+        or before any match that of the nearest or first entry.
         """
         place = 0
         if np.isfinite(features).all():
@@ -237,7 +232,7 @@ class JacobianTable:
         """Write the table to a file for `load_table`."""
         with open(path, 'wb') as file:
             np.savez(file, format=FORMAT, kind=self.kind.value, stop=self.stop,
-                     **{name: getattr(self, name) for name in _ARRAYS})
+                     stiffness=self.stiffness, **{name: getattr(self, name) for name in _ARRAYS})
 
 
 def load_table(path: str | os.PathLike) -> JacobianTable:
@@ -246,12 +241,15 @@ def load_table(path: str | os.PathLike) -> JacobianTable:
 
     ConfigurationError if it cannot be read, is no table of this format, or has no usable entry.
     """
-    arrays = read_arrays(path, (*_ARRAYS, 'format', 'kind', 'stop'))
-    if arrays['format'].tolist() != FORMAT:
-        raise ConfigurationError(f'{path}: is not a table of format {FORMAT}')
+    found = read_arrays(path, ('format',))['format'].tolist()
+    if found != FORMAT:
+        raise ConfigurationError(
+            f'{path}: is a table of format {found!r:.20}, must be of {FORMAT}: build it again')
+    arrays = read_arrays(path, (*_ARRAYS, 'kind', 'stop', 'stiffness'))
     try:
         return JacobianTable(
             FeatureKind(str(arrays['kind'])), stop=float(arrays['stop']),
+            stiffness=float(arrays['stiffness']),
             **{name: np.array(arrays[name], dtype=float) for name in _ARRAYS})
     except (ValueError, TypeError) as error:
         raise ConfigurationError(f'{path}: is no table of Jacobians: {error}') from error
@@ -264,21 +262,22 @@ def grid(half_x: float, half_y: float, across: int, forces: Iterable[float]) -> 
 
 
 def build_table(features: Features, kind: FeatureKind, contacts: np.ndarray,
-                increments: Increments, length: float, force: float = 5.0) -> JacobianTable:
+                increments: Increments, length: float) -> JacobianTable:
     """
-    Compute Jacobians at contacts (N, 3), scaled for a `length` on the pad [m] and a `force` [N].
+    Compute Jacobians at contacts (N, 3), scaled for a `length` on the pad [m].
 
     The stop radius is the diagonal of the largest cell of the grid, so that contacts within the
     grid find an entry.
     """
     contacts = np.asarray(contacts, dtype=float)
-    scale = scale_for(kind, force, length, increments.stiffness)
+    scale = scale_for(kind, REFERENCE, length, increments.stiffness)
     found = [least_squares(loading_cases(features, contact, increments), scale)
              for contact in contacts]
     shown = np.array([features(contact) for contact in contacts])
-    gaps = np.array([np.diff(np.unique(np.round(contacts[:, k], 9))).max(initial=unit)
-                     for k, unit in enumerate((0.0, 0.0, force))]) / [length, length, force]
+    gaps = [np.diff(np.unique(np.round(contacts[:, k], 9))).max(initial=unit)
+            for k, unit in enumerate((0.0, 0.0, REFERENCE))]
+    cell = np.array(gaps) / [length, length, REFERENCE]
     return JacobianTable(
         kind, contacts, shown, np.array([one.forward for one in found]),
         np.array([one.inverse for one in found]), np.array([one.condition for one in found]),
-        scale.features, stop=float(gaps @ gaps))
+        scale.features, stop=float(cell @ cell), stiffness=increments.stiffness)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactile_common.errors import ConfigurationError
 from tactile_sensing.types.image import Layer
 from tactile_servo.reasons import Reason
 
@@ -17,6 +18,15 @@ IMPOSSIBLE = 1e9  # Pa, from which on a pressure is a fault and does not count
 def pressure_layer(layers: Iterable[Layer]) -> Layer | None:
     """Return the layer with the pressure, of an image or a sensor; None if there is none."""
     return next((one for one in layers if one.component == 'zz'), None)
+
+
+def depth_of(layers: Iterable[Layer]) -> float:
+    """Return the depth of the layer with the pressure [m]; ConfigurationError if unknown."""
+    layer = pressure_layer(layers)
+    if layer is None or not layer.depth > 0.0:
+        raise ConfigurationError('the calibration does not say how deep below the surface of the '
+                                 'skin the tactels are (`depth`)')
+    return layer.depth
 
 
 class State(IntEnum):
@@ -49,6 +59,11 @@ class Goal:
     # s without the client's heartbeat that end the goal; 0 = no limit
     client_timeout: float = field(default=0.0, kw_only=True)
 
+    @property
+    def way(self) -> float:
+        """Length of the path [m]; 0 if it is not known."""
+        return 0.0
+
 
 @dataclass(frozen=True)
 class EdgeGoal(Goal):
@@ -57,6 +72,10 @@ class EdgeGoal(Goal):
     direction: int = 1  # or -1, along the sensor's y
     length: float = 0.0  # m; 0 = until the edge ends
     closed: bool = False  # end when the contour closes on its start
+
+    @property
+    def way(self) -> float:
+        return self.length
 
 
 class TaskError(NamedTuple):

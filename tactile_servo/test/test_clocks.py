@@ -97,6 +97,17 @@ def test_what_a_joint_can_do_is_no_leap():
     history.add([2.9, 0.0], 50 * PERIOD_NS + round(1.1e9 * SILENCE))  # unseen it may go anywhere
 
 
+def test_a_state_that_is_repeated_or_overtaken_does_not_erase_those_before_it():
+    history = JointHistory(LIMITS)
+    for k in range(5):
+        history.add([0.001 * k, 0.0], k * PERIOD_NS)
+    for late in (0, 1, PERIOD_NS):
+        history.add([0.004, 0.0], 4 * PERIOD_NS - late)
+        assert history.at(5 * PERIOD_NS // 2) == pytest.approx([0.0025, 0.0])
+    history.add([0.0, 0.0], 4 * PERIOD_NS - 1_000_000_000)  # the clock was set back
+    assert history.at(5 * PERIOD_NS // 2) is None
+
+
 def test_a_journal_that_nobody_takes_stays_small_and_says_what_is_lost():
     journal = Journal()
     for k in range(MOST_CALLS + 5):

@@ -8,6 +8,7 @@ import pytest
 from tactile_common.errors import ConfigurationError, UnreachableError
 from tactile_servo.motion.inverse import damped_least_squares, ROTATION_LENGTH
 from tactile_servo.motion.robot import RobotModel
+from tactile_servo.robot_config import NodeConfig, robot_of
 
 PUMA = Path(__file__).resolve().parents[2] / 'launch/urdf/puma260.urdf'
 INCH = 0.0254
@@ -250,6 +251,14 @@ def test_continuous_and_prismatic_joints_have_one_coordinate_each():
         model.jacobian(q), jacobian_by_differences(model, q), atol=1e-9)
     np.testing.assert_allclose(model.pose(model.inverse(model.pose(q))), model.pose(q), atol=1e-7)
     np.testing.assert_allclose(model.inverse(model.pose(q), [6.8, 1.0]), q, atol=1e-6)
+
+
+def test_a_short_slide_keeps_most_of_its_range():
+    text = urdf('prismatic', '<limit lower="0" upper="0.08" velocity="1" effort="1"/>')
+    _, limits, _ = robot_of(NodeConfig(robot_description=text, tip_frame='tip'))
+    assert limits.lower == pytest.approx([0.005]) and limits.upper == pytest.approx([0.075])
+    _, limits, _ = robot_of(NodeConfig(robot_description=urdf(), tip_frame='tip'))
+    assert limits.lower == pytest.approx([-0.95])
 
 
 def test_a_jacobian_that_is_no_number_gives_speeds_that_are_none():

@@ -5,8 +5,18 @@ import re
 import pytest
 
 from tactile_msgs.msg import ServoReason
+from tactile_servo.config import ServoConfig
 from tactile_servo.goal_run import GoalRun, RULES
-from tactile_servo.phases import HELD, LIFTING, MOVING, Phase, STANDING, TRACKING
+from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
+from tactile_servo.phases import (
+    HELD,
+    LIFTING,
+    MOVING,
+    Phase,
+    STANDING,
+    TimeLimits,
+    TRACKING,
+)
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
 
@@ -78,6 +88,28 @@ def test_an_end_does_not_move_a_robot_that_must_be_asked_or_still_moves(end, pha
 
 
 MESSAGE = Path(__file__).resolve().parents[2] / 'tactile_msgs/msg/ServoReason.msg'
+
+
+def lasts(goal, state, **config):
+    """Whether a state may last for some seconds."""
+    def check(seconds):
+        limits, phase = TimeLimits(ServoConfig(**config), goal), Phase[state]
+        limits.spend(phase, seconds)
+        return limits.problem(phase) is None
+    return check
+
+
+def test_a_state_may_last_as_long_as_its_goal_says():
+    line = SurfaceGoal(0.03, 5.0, duration=3600.0)
+    assert lasts(line, 'TRACK')(3600.0) and not lasts(line, 'TRACK')(3700.0)
+    rows = SurfaceGoal(0.05, 5.0, pattern=Pattern.RASTER, size=(0.3, 0.3), step_over=0.001,
+                       length=0.01)  # a raster has no length
+    assert lasts(rows, 'TRACK')(2.0 * 91.0 / 0.05)
+    assert lasts(EdgeGoal(0.05, 5.0), 'TRACK')(1790.0)
+    assert not lasts(EdgeGoal(0.05, 5.0, length=0.1), 'TRACK')(60.0)
+    # A pad that has met nothing goes back all of its approach.
+    assert lasts(EdgeGoal(0.05, 5.0), 'RETREAT', approach_distance=0.4, approach_speed=0.01,
+                 retreat_distance=0.0)(40.0)
 
 
 def test_names_and_numbers_of_codes_are_those_of_the_message_with_a_text_each():

@@ -18,6 +18,13 @@ def images(rows, columns, noise, count, seed=0, means=0.0):
         yield TactileImage(number, number, (Layer('zz', 1e-3, 100.0 * counts),), array, True)
 
 
+def test_a_pad_that_was_loaded_before_its_first_image_has_not_moved():
+    watch, place = SensorWatch(), np.array([0.4, 0.1, 0.3])
+    for image in images(4, 4, 0.0, 3, means=50.0):  # without noise
+        watch.see(image, True, place)
+        assert watch.problem(5.0) is None
+
+
 @pytest.mark.parametrize('noise', [0.4, 0.6, 1.0, 3.0])  # .4: changed by every third image
 @pytest.mark.parametrize('shape', [(1, 7), (2, 2), (4, 4), (5, 5), (16, 16)])
 def test_living_noise_is_no_alarm(shape, noise):

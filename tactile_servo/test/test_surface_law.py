@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from tactile_common.errors import ConfigurationError
+from tactile_common.polyline import arc_length
 from tactile_common.ros.conversions import pose_from_msg
 from tactile_msgs.action import TrackSurface
 from tactile_sensing.devices.calibration import Calibration
 from tactile_sensing.dome.geometry import Dome, HalfSpaceDome
 from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.image import Layer, TactileImage
+from tactile_servo.cli import build_jacobian_table
 from tactile_servo.config import ServoConfig
 from tactile_servo.control import surface_filter
 from tactile_servo.control.surface_filter import SurfaceFilter
@@ -21,14 +23,20 @@ from tactile_servo.law import Observation, Teachable, Touch
 from tactile_servo.laws.registry import LAWS, make_law
 from tactile_servo.laws.surface_config import ProbeConfig, SurfaceConfig
 from tactile_servo.laws.surface_features import between, ContactSense, Felt, PadContact
-from tactile_servo.laws.surface_following import SurfaceFollowing
-from tactile_servo.laws.surface_goal import Pattern, refuse_surface_goal, SurfaceGoal
+from tactile_servo.laws.surface_following import Record, SurfaceFollowing
+from tactile_servo.laws.surface_goal import (
+    Pattern,
+    plan_path,
+    refuse_surface_goal,
+    SurfaceGoal,
+)
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.tactile_jacobian import (
     build_table,
     FeatureKind,
     grid,
     Increments,
+    load_table,
     ModelFeatures,
 )
 
@@ -153,6 +161,8 @@ def test_rows_of_a_raster_are_step_over_apart_on_what_is_not_too_steep():
     ({'pattern': Pattern.RASTER}, 'size'),
     ({'pattern': Pattern.RASTER, 'size': (1.0, 1.0), 'step_over': 1e-4}, 'longer than'),
     ({'pattern': Pattern.SPIRAL, 'size': (0.1, 0.0)}, 'step_over'),
+    ({'pattern': Pattern.SPIRAL, 'size': (0.3, 0.0), 'step_over': 1e-3}, 'longer than'),
+    ({'pattern': Pattern.POINTS, 'points': np.array([[1e9, 0.0, 0.0]])}, 'longer than'),
     ({'pattern': Pattern.POINTS}, 'points'),
     ({'pattern': Pattern.POINTS, 'points': np.full((2, 3), np.inf)}, 'points')])
 def test_goals_that_make_no_sense_are_refused(change, word):
@@ -160,6 +170,32 @@ def test_goals_that_make_no_sense_are_refused(change, word):
     assert refused is not None and refused.code == ReasonCode.INVALID_GOAL
     assert word in refused.text
     assert refuse_surface_goal(GOAL) is None
+
+
+@pytest.mark.parametrize('change, plan', [
+    ({'pattern': Pattern.RASTER, 'size': (0.04, 0.02), 'step_over': 0.005},
+     raster(0.04, 0.02, 0.005)),
+    ({'pattern': Pattern.SPIRAL, 'size': (0.03, 0.0), 'step_over': 0.002}, spiral(0.03, 0.002))])
+def test_the_length_of_a_pattern_is_known_before_the_contact(change, plan):
+    assert replace(GOAL, **change).way == pytest.approx(arc_length(plan)[-1], rel=0.15)
+
+
+def test_points_need_no_direction():
+    goal = replace(GOAL, pattern=Pattern.POINTS, direction=(0.0, 0.0, 0.0),
+                   points=np.array([[0.02, 0.01, 0.0]]))
+    assert refuse_surface_goal(goal) is None
+    step = plan_path(goal, np.zeros(3), DOWN, 0.2).step(np.zeros(3), DOWN, 30.0, 0.05)
+    assert step.way == pytest.approx(np.array([2.0, 1.0, 0.0]) / np.sqrt(5.0), abs=1e-3)
+
+
+def test_speeds_allow_to_brake_for_every_bend_and_no_less():
+    plan = np.array([[0.0, 0.0], [0.05, 0.0], [0.05, 0.02]])
+    path = PlanarPath(np.zeros(3), DOWN, np.array([1.0, 0.0, 0.0]), plan, 0.2)
+    tops, stations = path._tops, path._stations
+    slope = np.diff(tops ** 2) / np.diff(stations)
+    assert slope.min() > -2.0 * 0.2 * (1.0 + 1e-9) and tops[-1] == 0.0
+    # Before the corner and the end it brakes as hard as that.
+    assert slope[(stations[:-1] > 0.02) & (stations[:-1] < 0.045)] == pytest.approx(-0.4)
 
 
 def test_goal_messages():
@@ -226,11 +262,31 @@ def test_a_table_on_disk_is_used_and_a_wrong_one_refused(tmp_path):
         SurfaceFollowing(ServoConfig(), config)
 
 
+@pytest.mark.parametrize('force', [1.0, 10.0])
+def test_a_table_serves_goals_of_other_forces_than_it_was_built_for(tmp_path, force):
+    path = str(tmp_path / 'table.npz')
+    assert build_jacobian_table.main([
+        path, '--model', 'half_space', '--forces', '0.5', '1', '2', '5', '10', '20']) == 0
+    sense = ContactSense(ARRAY, DOME, SurfaceConfig(), force, load_table(path))
+    features = ModelFeatures(HALF_SPACE, ARRAY)
+    for share in (0.7, 1.3):
+        found = sense.contact_of(features(np.array([0.0, 0.0, share * force]))).force
+        assert found == pytest.approx(share * force, rel=0.05)
+
+
+def test_a_goal_without_an_accurate_contact_still_says_how_long_it_touched():
+    record = Record(ProbeConfig(), cycles=400, touching=300, kept=200, square=200 * 1e-6)
+    assert record.result().contact_kept == 0.75
+    assert record.result().centre_rms == pytest.approx(1e-3)
+    assert record.result().contour is None
+    assert np.isnan(Record(ProbeConfig()).result().contact_kept)
+
+
 def test_the_depth_of_the_tactels_is_that_of_the_calibration():
     law = SurfaceFollowing(ServoConfig())
     law.begin(GOAL, Calibration(ARRAY, depth=0.003).sensor_info('pad', '', 0))
     assert law._dome.depth == pytest.approx(0.003)
-    with pytest.raises(ConfigurationError, match='must increase'):  # unknown
+    with pytest.raises(ConfigurationError, match='`depth`'):  # unknown
         law.begin(GOAL, Calibration(ARRAY).sensor_info('pad', '', 0))
 
 

@@ -7,10 +7,13 @@ import numpy as np
 from puma_loop import GOAL, LIMITS, PUMA, puma_loop, ROOT, steady, tracked
 import pytest
 
+from tactile_sensing.types.array import TactelArray
 from tactile_sensing.types.contact import Contact, ContactType, Reason
+from tactile_sensing.types.image import Layer, TactileImage
 from tactile_sensing.types.moments import Moments
 from tactile_servo.motion.limits import WorkspaceBox
 from tactile_servo.phases import Phase
+from tactile_servo.reasons import Reason as ServoReason
 from tactile_servo.reasons import ReasonCode, Refused
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.scene import load_scene
@@ -283,3 +286,73 @@ def test_dead_sensor_holds_within_150_ms_and_resumes_on_command():
     assert loop.servo.pause(False, loop.now)
     loop.run(None, 5.0)
     assert loop.servo.success
+
+
+@pytest.mark.parametrize('change, word', [
+    ({'unit': 'counts'}, "pressure is in 'counts', must be in Pa"),
+    ({'component': 'xz'}, 'measures no pressure'), ({'depth': 0.0}, '`depth`')])
+def test_a_sensor_that_cannot_say_its_force_is_refused_before_anything_moves(change, word):
+    """By its counts the pad would be pressed until the approach has gone as far as it may."""
+    loop = puma_loop(tracker='trace')
+    loop.run(None, 0.1)
+    inputs = loop.servo.inputs
+    inputs.sensor = replace(inputs.sensor, layers=tuple(
+        replace(layer, **change) for layer in inputs.sensor.layers))
+    with pytest.raises(Refused, match=re.escape(word)) as refused:
+        loop.servo.start(GOAL, loop.now)
+    assert refused.value.reason.code is ReasonCode.UNSUPPORTED_GOAL
+
+
+def test_of_two_depths_the_first_says_the_load(loop):
+    loop.run(None, 0.1)
+    stress = np.full(loop.array.shape, 7750.0)
+    loads = []
+    for depths in ((0.002,), (0.002, 0.004)):
+        layers = tuple(Layer('zz', depth, stress) for depth in depths)
+        loop.servo.see_image(TactileImage(0, 0, layers, loop.array, True), loop.now)
+        loads.append(loop.servo.inputs.load)
+    assert loads[0] == loads[1] > 1.0
+
+
+def test_an_image_of_another_array_is_named_although_contacts_come(loop):
+    loop.run(None, 0.1)
+    servo, other = loop.servo, TactelArray(8, 8, 0.003, 0.003)
+    image = TactileImage(round(1e9 * loop.now), 0, (Layer('zz', 0.002, np.zeros((8, 8))),), other,
+                         True)
+    with pytest.raises(Refused):
+        servo.see_image(image, loop.now)
+    servo.see_contact(loop.estimate(image), image.stamp_ns, loop.now)
+    servo.inputs.refresh(loop.now + 1.0, round(1e9 * (loop.now + 1.0)))
+    assert '8 x 8 tactels' in servo.inputs.contact_missing(images=True).text
+
+
+@pytest.mark.parametrize('rate', [400.0, 100.0])  # of the simulated time
+def test_a_silent_client_is_missed_in_real_time(rate):
+    loop = puma_loop()
+    loop._faults.client_lives = lambda _: False
+    cycle = loop.servo.cycle
+    loop.servo.cycle = lambda now, _: cycle(now, round(1e9 * int(now * rate + 1e-6) / rate))
+    loop.run(EdgeGoal(0.005, 5.0, client_timeout=1.0), 8.0)
+    assert loop.servo.reason.code is ReasonCode.CLIENT_LOST
+    assert loop.now - loop._began < 1.5
+
+
+@pytest.mark.parametrize('tracker', ['resolved_rate', 'trace'])
+def test_the_contour_is_where_the_pad_was_at_its_images(tracker):
+    loop = puma_loop(tracker=tracker, latency=0.02)
+    loop.run(EdgeGoal(0.1, 5.0, length=0.08), 8.0)
+    assert loop.servo.success
+    poses = {round(1e9 * cycle.time): cycle.pose for cycle in loop.log}
+    stamps = np.array(list(poses))
+    for stamp, pose in loop.servo.statistics.contour:
+        there = poses[int(stamps[np.abs(stamps - stamp).argmin()])]
+        assert abs(there[:3, 1] @ (there[:3, 3] - pose[:3, 3])) < 0.4e-3  # 100 mm/s in 2.5 ms
+
+
+def test_a_pad_that_is_halted_does_not_search():
+    loop = steady(tracker='trace')
+    law = loop.servo.law
+    law.halt()
+    law.lacks = lambda now: ServoReason(ReasonCode.EDGE_LOST)
+    loop.run(None, 0.2)
+    assert loop.servo.state is State.SEARCH and moved(loop, 0.3) < 1e-4

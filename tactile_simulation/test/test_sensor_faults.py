@@ -11,6 +11,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_servo.config import ServoConfig
 from tactile_servo.journal import Call, WITH_TEXT
 from tactile_servo.laws.surface_goal import Pattern, SurfaceGoal
+from tactile_servo.phases import Phase
 from tactile_servo.reasons import ReasonCode
 from tactile_servo.types import EdgeGoal, State
 from tactile_simulation.closed_loop import Simulation
@@ -350,3 +351,22 @@ def test_a_gain_that_fades_as_a_goal_ends_is_no_success(scene):
     _, summary = run(scene, goal, 'fade@2:1.5')
     assert healthy['ok'] and not summary['ok']
     assert summary['force_max'] < MOST
+
+
+@pytest.mark.parametrize('interrupted', [0.0, 0.1])
+def test_a_repeated_test_that_is_interrupted_is_made_again(interrupted):
+    """The suspicion that led to it must not be lost: the sensor feels 30 % too little."""
+    simulation = Simulation(scene_of('straight'), faults=[Fault.of('gain@2=0.7')])
+    servo, phases, lost = simulation.servo, [], []
+
+    def until(_):
+        phases.append(servo.run.phase)
+        testing = phases[-1] is Phase.TEST and Phase.HALT in phases
+        if testing and phases[-80:].count(Phase.TEST) == 80 and not lost:
+            lost.append(simulation.now)
+        simulation.sensor_alive = not lost or simulation.now - lost[0] >= interrupted
+        return False
+    simulation.run(EdgeGoal(0.03, FORCE, length=0.12), 20.0, until)
+    assert lost and servo.reason.code is ReasonCode.TOO_DEEP
+    assert servo.statistics.tracked_length < 0.05
+    assert max(cycle.force for cycle in simulation.log) < 6.5

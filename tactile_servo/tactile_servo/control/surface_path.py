@@ -129,15 +129,20 @@ def _speeds(plan: np.ndarray, stations: np.ndarray, acceleration: float) -> np.n
     bend = np.convolve(np.pad(bend, 1, 'edge'), np.full(3, 1.0 / 3.0), 'valid')
     square = acceleration / np.maximum(bend, 1e-3)
     square[-1] = 0.0
-    for k in range(len(square) - 2, -1, -1):
-        square[k] = min(square[k], square[k + 1] + 2.0 * acceleration * spacing)
-    return np.sqrt(square)
+    # The least over the stations ahead of what braking for each of them allows
+    braking = 2.0 * acceleration * stations
+    ahead = np.minimum.accumulate((square + braking)[::-1])[::-1]
+    return np.sqrt(np.maximum(ahead - braking, 0.0))
 
 
 def _axes(direction: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Return unit vectors (2, 3) in the surface, along a direction (3,) and across it."""
-    along = _unit(direction) - normal * (_unit(direction) @ normal)
-    if along @ along < 1e-4:  # parallel to the normal: any direction will do
+    """
+    Return unit vectors (2, 3) in the surface, along a direction (3,) and across it.
+
+    If the direction is 0 or parallel to the normal, any direction in the surface will do.
+    """
+    along = direction - normal * (direction @ normal)
+    if along @ along <= 1e-4 * (direction @ direction):
         along = cross(normal, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.7 else [0.0, 1.0, 0.0])
     return np.stack([_unit(along), cross(normal, _unit(along))])
 

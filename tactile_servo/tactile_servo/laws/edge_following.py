@@ -17,7 +17,7 @@ from tactile_servo.laws.edge_motion import EdgeFollowingConfig, EdgeMotion
 from tactile_servo.laws.edge_sight import EdgeSight
 from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
-from tactile_servo.types import EdgeGoal, State
+from tactile_servo.types import depth_of, EdgeGoal, State
 
 LARGE_YAW = 2.0  # degrees beyond which a turn of the mounting is named
 ADVANCE = 0.5  # grains, advance that counts as progress
@@ -110,6 +110,7 @@ class EdgeFollowing(EdgeLaw):
         return super().validate(goal)
 
     def begin(self, goal: EdgeGoal, sensor: SensorInfo) -> None:
+        depth_of(sensor.layers)  # images without it are not read
         self._stale = image_patience(sensor.nominal_rate)
         self._forget(goal, skin_stiffness_of(sensor), total_stiffness(sensor))
 
@@ -234,11 +235,12 @@ class EdgeFollowing(EdgeLaw):
         return velocity, self._motion.press(place, robot, dt, may_press=False), STILL
 
     def _seek(self, place: PathPosition, _: Motion, dt: float) -> Move:
-        speed, pull = min(SEARCH, self.goal.speed), self.sight.edge.picture.pull
+        motion, pull = self._motion, self.sight.edge.picture.pull
+        speed = 0.0 if motion.halted else min(SEARCH, self.goal.speed)
         assert pull is not None  # without a pull the law does not search
         self._searching.count(place.there)
         x, y = pull.tolist()
-        return self._motion.aside(speed * x, speed * y, dt), 0.0, STILL
+        return motion.aside(speed * x, speed * y, dt), 0.0, STILL
 
     def _reach_down(self, place: PathPosition, _: Motion, dt: float) -> Move:
         nx, ny, nz = self._reaching.count(place.there).tolist()

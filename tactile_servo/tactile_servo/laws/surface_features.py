@@ -79,7 +79,8 @@ class ContactSense:
         inverse = self.table.nearest(features) if self.table else self._inverse
         # J^-1 (F_d - F_a): two on the pad, one along the normal [m]
         x, y, z = inverse @ (self.centred - features)
-        return PadContact(max(self.force - self.stiffness * z, 0.0), np.array([-x, -y]))
+        stiffness = self.table.stiffness if self.table else self.stiffness
+        return PadContact(max(self.force - stiffness * z, 0.0), np.array([-x, -y]))
 
     def look(self, image: TactileImage, pose: np.ndarray) -> Felt | Reason:
         """Return the contact of an image at a pose (4, 4), or the reason why there is none."""

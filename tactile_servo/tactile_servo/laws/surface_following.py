@@ -45,7 +45,7 @@ from tactile_servo.laws.surface_motion import CENTRED, LIFT, PRESS, ROLL_RATE, S
 from tactile_servo.motion.motion import Motion
 from tactile_servo.reasons import Reason, ReasonCode
 from tactile_servo.tactile_jacobian import load_table
-from tactile_servo.types import pressure_layer, State, TaskError
+from tactile_servo.types import depth_of, State, TaskError
 
 MET = 0.05  # relative error of the force at which it counts as reached, and motion begins
 ADVANCE = 5e-4  # m, advance that counts as progress
@@ -104,13 +104,12 @@ class Record:
 
     def result(self) -> SurfaceResult:
         """Return the recorded contacts."""
-        if not self.touches:
-            return SurfaceResult()
-        _, points, normals = zip(*self.touches, strict=True)
+        contacts = [(touch.point, touch.normal) for touch in self.touches]
+        points, normals = map(np.array, zip(*contacts, strict=True)) if contacts else (None, None)
         return SurfaceResult(
-            contour=np.array(points), normals=np.array(normals),
-            contact_kept=self.touching / max(self.cycles, 1),
-            centre_rms=math.sqrt(self.square / max(self.kept, 1)))
+            contour=points, normals=normals,
+            contact_kept=self.touching / self.cycles if self.cycles else math.nan,
+            centre_rms=math.sqrt(self.square / self.kept) if self.kept else math.nan)
 
 
 class SurfaceFollowing(ServoLaw):
@@ -166,8 +165,7 @@ class SurfaceFollowing(ServoLaw):
 
     def begin(self, goal: SurfaceGoal, sensor: SensorInfo) -> None:
         radius = self.config.probe.skin_radius
-        layer = pressure_layer(sensor.layers)
-        depth = layer.depth if layer else 0.0
+        depth = depth_of(sensor.layers)
         self._dome = Dome(radius, radius - depth, radius - 2.0 * depth)
         self.goal, self.error, self.touch, self._begun = goal, None, None, True
         self._stale = image_patience(sensor.nominal_rate)

@@ -38,10 +38,22 @@ class SurfaceGoal(Goal):
     direction: tuple[float, float, float] = (0.0, 1.0, 0.0)  # in the base frame, any norm
     length: float = 0.0  # length of a line [m]; 0 = until `duration`
     duration: float = 0.0  # time from first contact to the end [s]; 0 = unlimited
-    size: tuple[float, float] = (0.0, 0.0)  # extent of a raster or spiral [m]
+    size: tuple[float, float] = (0.0, 0.0)  # sides of a raster, radius of a spiral [m]
     step_over: float = 0.0  # distance of neighbouring lines of a raster or spiral [m]
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # base frame [m]
-    features: str = ''  # name of taught features
+    features: str = ''  # names of taught features, separated by commas
+
+    @property
+    def way(self) -> float:
+        """Length of the path [m], about; 0 if it is not known before the first contact."""
+        if self.pattern == Pattern.LINE:
+            return self.length
+        if self.pattern == Pattern.RASTER:
+            return self.size[0] * (self.size[1] / self.step_over + 1.0) + self.size[1]
+        if self.pattern == Pattern.SPIRAL:
+            return math.pi * self.size[0] ** 2 / self.step_over
+        # From the base, since the place of the first contact is not known.
+        return float(np.linalg.norm(np.diff(self.points, axis=0, prepend=0.0), axis=1).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +81,12 @@ def refuse_surface_goal(goal: SurfaceGoal) -> Reason | None:
         across = goal.size[1] if goal.pattern == Pattern.RASTER else goal.size[0]
         if not (min(goal.size[0], across) > 0.0 and goal.step_over > 0.0):
             return _invalid('size and step_over must be above 0')
-        if goal.size[0] * (across / goal.step_over + 1.0) > MAX_PATH:
-            return _invalid(f'the path would be longer than {MAX_PATH:g} m')
     if goal.pattern == Pattern.POINTS:
         shape = np.shape(goal.points)
         if len(shape) != 2 or shape[0] < 1 or shape[1] != 3 or not np.isfinite(goal.points).all():
             return _invalid('points must be one or more finite places')
+    if goal.way > MAX_PATH:
+        return _invalid(f'the path would be longer than {MAX_PATH:g} m')
     return None
 
 

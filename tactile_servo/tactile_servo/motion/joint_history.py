@@ -12,7 +12,9 @@ BEYOND_LIMITS = 0.5  # rad; a larger excess is a fault of the sensor or of the j
 LEAP = 0.02  # rad
 SILENCE = 0.5  # s
 STORED = 256  # joint states for the interpolation at an image's stamp
-MAX_AHEAD_NS = 20_000_000  # ns by which an image may be newer than the newest joint state
+# ns by which an image may be newer than the newest joint state, and a state that is repeated or
+# overtaken may be older: then it is not stored
+MAX_AHEAD_NS = 20_000_000
 
 Stamped = tuple[int, np.ndarray]  # joint positions and their stamp [ns]
 
@@ -24,7 +26,7 @@ class JointHistory:
         self._limits = limits
         self._states: StateBuffer[np.ndarray] = StateBuffer(
             lambda one, other, share: one + share * (other - one), size=STORED,
-            max_ahead_ns=MAX_AHEAD_NS)
+            max_ahead_ns=MAX_AHEAD_NS, restart_ns=MAX_AHEAD_NS)
         self._last: Stamped | None = None
         self._doubted: Stamped | None = None
 

@@ -23,7 +23,8 @@ class RobotModel:
     has one coordinate.
 
     The vectors `lower`, `upper` (positions [rad or m], infinite for continuous joints) and
-    `velocity_limit` [rad/s or m/s] have the order of `joint_names`, like all joint vectors.
+    `velocity_limit` [rad/s or m/s] have the order of `joint_names`, like all joint vectors, and
+    `turns`, True for a joint that is not prismatic.
     """
 
     def __init__(self, xml: str, tip_frame: str):
@@ -38,7 +39,7 @@ class RobotModel:
         self.joint_names = tuple(joint.get('name', '') for joint in moving)
         self.lower, self.upper, self.velocity_limit = np.array(
             [limits_of(joint) for joint in moving]).T.copy()
-        self._turns = np.array([joint.get('type') != 'prismatic' for joint in moving])
+        self.turns = np.array([joint.get('type') != 'prismatic' for joint in moving])
         self._model = pinocchio_model(robot, joints, self.root_frame)
         self._data = self._model.createData()
         self._frame = self._model.getFrameId(tip_frame)
@@ -170,7 +171,7 @@ class RobotModel:
 
     def _unwound(self, q: np.ndarray) -> np.ndarray:
         """Return q without full turns, as far as the limits allow."""
-        near_zero = np.where(self._turns, q - 2 * np.pi * np.round(q / (2 * np.pi)), q)
+        near_zero = np.where(self.turns, q - 2 * np.pi * np.round(q / (2 * np.pi)), q)
         return np.where((near_zero >= self.lower) & (near_zero <= self.upper), near_zero, q)
 
     def _clearance(self, q: np.ndarray) -> float:
