@@ -51,6 +51,26 @@ def over_claims(found, truth):
     return max(np.sqrt(np.mean(ratio[valid]**2)) for ratio in ratios)
 
 
+@pytest.mark.parametrize('yaw', [0.0, 0.4])
+def test_a_line_that_begins_beside_the_centre_turns_about_its_own_middle(yaw):
+    """A turn about the pad's centre would move it across: place and turn are hardly correlated."""
+    along, across = np.array([-np.sin(yaw), np.cos(yaw)]), np.array([np.cos(yaw), np.sin(yaw)])
+    ends = [(length * along + 1e-3 * across).tolist() for length in (3e-3, 30e-3)]
+    frame = np.zeros(ARRAY.shape)
+    add_segment(frame, ARRAY.x, ARRAY.y, DEPTH, *ends[0], *ends[1], 200.0, 200.0)
+    noise = 0.01 * frame.max()
+    frames = frame + np.random.default_rng(4).normal(0.0, noise, (200, *frame.shape))
+    found = estimates(frames, noise)
+    found = found[found['valid']]
+    assert len(found) > 190
+    place = found['x'] * across[0] + found['y'] * across[1]
+    covariance = found['covariance'].mean(axis=0)
+    claimed = np.sqrt(across @ covariance[:2, :2] @ across)
+    assert 1.0 < claimed / place.std() < 2.2  # of a full line: 1.8
+    said = across @ covariance[:2, ROW.yaw] / claimed / np.sqrt(covariance[ROW.yaw, ROW.yaw])
+    assert abs(said - np.corrcoef(place, found['yaw'])[0, 1]) < 0.4
+
+
 @pytest.mark.parametrize('pitch', [3e-3, 4e-3])
 def test_sharp_points_on_wide_tactels_leave_noise_alone(pitch):
     """Without a skin, the fit ends on tactels that average over their area."""

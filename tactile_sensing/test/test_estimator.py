@@ -319,3 +319,57 @@ def test_unknown_noise_is_read_from_the_picture():
     contact = estimate(noisy(edge(0.002, 0.1), rng), noise=0.0)
     noise = line.peak_pressure(FORCE, DEPTH) / 10.0 ** (contact.snr / 20.0)
     assert contact.valid and noise == pytest.approx(NOISE, rel=0.3)
+
+
+def three_layers(rng, loud=1.0):
+    """Layers by component of a point load, and noise: that of shear is `loud` times as large."""
+    x, y = ARRAY.x, ARRAY.y[:, None]
+    layers = {name: point.stress(name, x, y, 2e-3, -1e-3, 2.0, 0.3, -0.2, DEPTH)
+              for name in ('zz', 'xz', 'yz')}
+    noise = 0.01 * layers['zz'].max()
+    return noise, {name: stress + rng.normal(0.0, noise * (1.0 if name == 'zz' else loud),
+                                             stress.shape) for name, stress in layers.items()}
+
+
+@pytest.mark.parametrize('noise', [True, False])
+def test_the_order_of_the_layers_does_not_matter(noise):
+    std, layers = three_layers(np.random.default_rng(3))
+    config = EstimatorConfig(tactel='point')
+    found = []
+    for order in (('zz', 'xz', 'yz'), ('xz', 'zz', 'yz'), ('xz', 'yz', 'zz')):
+        there = tuple(Layer(name, DEPTH, layers[name], noise_std=std * noise) for name in order)
+        found.append(ContactEstimator(config).estimate(TactileImage(0, 0, there, ARRAY, True)))
+    for one in found:
+        assert one.valid and one.type == ContactType.POINT
+        assert (one.x, one.normal_force) == pytest.approx((found[0].x, found[0].normal_force),
+                                                          rel=1e-6)
+
+
+def test_every_layer_has_its_own_unknown_noise():
+    right = 0
+    for seed in range(12):
+        _, layers = three_layers(np.random.default_rng(seed), loud=5.0)
+        there = tuple(Layer(name, DEPTH, stress) for name, stress in layers.items())
+        found = ContactEstimator(EstimatorConfig(tactel='point')).estimate(
+            TactileImage(0, 0, there, ARRAY, True))
+        assert found.residual < 1.5
+        right += found.valid and abs(found.normal_force - 2.0) < 0.04
+    assert right > 9
+
+
+@pytest.mark.parametrize('live', [2, 10, 64, 65])
+def test_a_few_tactels_that_read_nothing_are_no_contact(live):
+    stress = np.full(ARRAY.shape, np.nan)
+    stress.flat[:live] = 0.0
+    found = estimate(stress)
+    assert not found.valid and found.reasons & (Reason.NO_CONTACT | Reason.FEW_TACTELS)
+
+
+def test_two_columns_show_no_direction_of_a_line():
+    array = TactelArray(16, 2, 1.6e-3, 1.6e-3)
+    for model, valid in (('auto', True), ('line', False)):
+        stress = edge(0.0, 1.4, array=array)
+        image = tactile_image(stress, array, noise=0.01 * stress.max())
+        found = ContactEstimator(EstimatorConfig(model=model, tactel='point')).estimate(image)
+        assert found.valid <= valid
+    assert found.reasons & Reason.FEW_TACTELS

@@ -63,7 +63,8 @@ def test_a_law_is_found_for_an_action_and_refused_for_another():
 def begun(skin_stiffness, name='trace'):
     """Edge law on a sensor whose driver gives this stiffness."""
     law = make_law(name, ServoConfig())
-    sensor = Calibration(TactelArray(16, 16, 1.6e-3, 1.6e-3)).sensor_info('pad', '', 0)
+    sensor = Calibration(TactelArray(16, 16, 1.6e-3, 1.6e-3), depth=2e-3).sensor_info(
+        'pad', '', 0)
     law.begin(EdgeGoal(0.03, 5.0), replace(sensor, skin_stiffness=skin_stiffness))
     return law
 

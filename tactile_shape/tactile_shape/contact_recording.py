@@ -102,7 +102,8 @@ def _from_bag(path: Path, namespace: str | None, finger_radius: float) -> Contac
             bag, {f'{prefix}/{name}': name for name in (*NEEDED, 'image')}), finger_radius)
     if not rows:
         raise ConfigurationError(f'bag {path}: no contact with a pose of the sensor at its stamp')
-    return ContactRecording(*map(np.array, zip(*rows, strict=True)))
+    with clear_errors(path):
+        return ContactRecording(*map(np.array, zip(*rows, strict=True)))
 
 
 def _place_contacts(observations: Iterable['BagMessage'], finger_radius: float) -> list[tuple]:

@@ -60,12 +60,19 @@ def contour_to_msg(points: np.ndarray, header: Header) -> Path:
 
 
 def model_to_markers(model: ObjectModel, patch: Patch | None, header: Header) -> MarkerArray:
-    """Return markers: newest valid patch with principal directions, the surface, the contour."""
+    """
+    Return markers: newest valid patch with principal directions, the surface, the contour.
+
+    Those that are empty delete what was shown before.
+    """
+    newest = [] if patch is None else [patch]
     markers = [_mesh(list(model.patches)[-MAX_PATCHES:], header, 'surface'),
-               _lines(model.strokes, header)]
-    if patch is not None:
-        markers += [_mesh([patch], header, 'patch'), _directions(patch, header)]
-    return MarkerArray(markers=[marker for marker in markers if marker.points])
+               _lines(model.strokes, header), _mesh(newest, header, 'patch'),
+               _directions(newest, header)]
+    for marker in markers:
+        if not marker.points:
+            marker.action = Marker.DELETE
+    return MarkerArray(markers=markers)
 
 
 def _mesh(patches: list[Patch], header: Header, namespace: str) -> Marker:
@@ -86,13 +93,14 @@ def _lines(strokes: list[list[np.ndarray]], header: Header) -> Marker:
     return marker
 
 
-def _directions(patch: Patch, header: Header) -> Marker:
+def _directions(patches: list[Patch], header: Header) -> Marker:
     marker = _marker(header, 'principal directions', Marker.LINE_LIST, _LINE_WIDTH)
-    for axis, shade, seen in zip(patch.directions, (_RED, _GREEN), patch.seen, strict=True):
-        if seen:
-            for end in (-0.5 * PATCH_SIZE, 0.5 * PATCH_SIZE):
-                marker.points.append(_point((patch.origin + end * axis).tolist()))
-                marker.colors.append(_colour(shade, 1.0))
+    for patch in patches:
+        for axis, shade, seen in zip(patch.directions, (_RED, _GREEN), patch.seen, strict=True):
+            if seen:
+                for end in (-0.5 * PATCH_SIZE, 0.5 * PATCH_SIZE):
+                    marker.points.append(_point((patch.origin + end * axis).tolist()))
+                    marker.colors.append(_colour(shade, 1.0))
     return marker
 
 

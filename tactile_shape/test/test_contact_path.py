@@ -159,6 +159,15 @@ def test_a_pad_that_lifts_off_touches_nowhere():
     assert place(300, 0.5)  # another touch, a light one
 
 
+def test_one_heavy_image_does_not_end_the_contour():
+    path, found = ContactPath(), []
+    for ms in range(0, 3000, 10):
+        path.add_pose(ms * MS, np.eye(4))
+        found += path.add_contact(ms * MS, replace(point(), moments=Moments(
+            11.0 if ms == 30 else 5.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    assert sum(one.contact is None for one in found) < 30
+
+
 def test_lost_contact_and_gaps_begin_a_new_path():
     path = ContactPath()
     for k in range(100):

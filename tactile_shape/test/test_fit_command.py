@@ -1,4 +1,5 @@
 """Command `fit`: what it writes and says, every way to get it wrong, and bags."""
+from pathlib import Path
 import re
 import textwrap
 
@@ -105,6 +106,20 @@ def test_the_example_of_the_help(there, capsys):
 
 
 GOOD = contacts(length=0.01)
+
+
+def test_an_outline_that_is_refused_leaves_nothing_behind(there, capsys):
+    np.savez('short.npz', **contacts(length=0.003))
+    assert fit.main(['short.npz', '-o', 'patches.npz', '--outline']) == 2
+    assert 'contour' in capsys.readouterr().err and not Path('patches.npz').exists()
+
+
+def test_infinite_positions_are_no_warning_of_numpy(there, recwarn):
+    position = GOOD['position'].copy()
+    position[4:6] = np.inf
+    np.savez('odd.npz', **{**GOOD, 'position': position})
+    assert fit.main(['odd.npz', '-o', 'patches.npz']) == 0
+    assert not [str(it.message) for it in recwarn]
 
 
 @pytest.mark.parametrize('change, options, message', [

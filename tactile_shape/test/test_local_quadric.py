@@ -27,6 +27,7 @@ from benchmarks.shape.surfaces import (
     Weave,
 )
 from tactile_common.errors import ConfigurationError
+from tactile_shape.local_surface.curvature_fit import Fitter, Noise
 from tactile_shape.local_surface.local_quadric import (
     LocalQuadric,
     LocalQuadricConfig,
@@ -133,6 +134,21 @@ def test_errors_that_are_alike_are_no_surface(case, alike):
     scores, found = with_noise(case, alike, 60, np.random.default_rng(9))
     assert np.sqrt(np.mean(scores**2)) < 1.1
     assert np.mean([patch.kind == case.kind for patch in found]) > 0.8
+
+
+def test_cells_of_unlike_weights_leave_correlations_below_one():
+    """A correlation near 1 or above would make any excess of the errors, or none."""
+    random, excess = np.random.default_rng(0), []
+    for _ in range(1000):
+        x = np.linspace(-0.01, 0.01, random.integers(10, 24))
+        weights = np.where(random.random(x.size) < 0.15, 16.0, 1.0)
+        normals = np.tile([0.0, 0.0, 1.0], (x.size, 1))
+        normals[:, :2] = 5e-4 * random.standard_normal((x.size, 2)) / np.sqrt(weights)[:, None]
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        points = np.column_stack([x, 1e-3 * np.sin(600.0 * x), 0.0 * x])
+        excess.append(Fitter(points, normals, weights, Noise(2e-5, 1.5e-4, 5e-4, 0.0),
+                             3)._excess_of_normals())
+    assert np.median(excess) == pytest.approx(1.0, abs=0.1) and max(excess) < 8.0
 
 
 def test_a_plane_stays_one_with_errors_that_are_alike():

@@ -72,4 +72,7 @@ def test_markers():
         assert np.abs(sphere(0.05).distance(points)).max() < 1.5e-4
     assert markers['patch'].type == Marker.TRIANGLE_LIST
     assert len(markers['principal directions'].points) == 4
-    assert model_to_markers(ObjectModel(), None, HEADER).markers == []
+    gone = model_to_markers(ObjectModel(), None, HEADER).markers  # what was shown is deleted
+    assert {marker.ns for marker in gone} == set(markers)
+    assert {marker.action for marker in gone} == {Marker.DELETE}
+    assert {marker.action for marker in markers.values()} == {Marker.ADD}

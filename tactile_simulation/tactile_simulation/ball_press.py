@@ -1,4 +1,6 @@
 """A ball pressed on the sensor of a scene: simulated recordings for a calibration."""
+import math
+
 import numpy as np
 
 from tactile_common.errors import ConfigurationError
@@ -35,7 +37,14 @@ class BallPress:
         self._pressure = SkinPressure(
             skin.layer, sensor.area * sensor.pitch_x, sensor.area * sensor.pitch_y)
         self._response, self._rng = TactelResponse(sensor), np.random.default_rng(seed)
-        self._now = 0.0
+        self._now, array = 0.0, self._array
+        self._reach = (np.array([array.size_x, array.size_y]) / 2.0
+                       - CLEARANCE * np.array([array.pitch_x, array.pitch_y]))  # of the ball [m]
+        if self._reach.min() < 0.0:
+            raise ConfigurationError(
+                f'{array.rows} x {array.columns} tactels: the ball stays {CLEARANCE:g} tactels '
+                f'from the border, so at least {math.ceil(2.0 * CLEARANCE)} rows and columns are '
+                'needed')
 
     def frames(self, presses: int) -> np.ndarray:
         """
@@ -44,9 +53,7 @@ class BallPress:
         The pad is free for `PAUSE`, then the ball presses for `HELD`, at least `CLEARANCE` from
         the border.
         """
-        array = self._array
-        reach = (np.array([array.size_x, array.size_y]) / 2.0
-                 - CLEARANCE * np.array([array.pitch_x, array.pitch_y]))
+        array, reach = self._array, self._reach
         images: list[np.ndarray] = []
         for a, b in self._rng.uniform(-reach, reach, (presses, 2)):
             self.unloaded(round(PAUSE / PERIOD))

@@ -12,7 +12,6 @@ from tactile_simulation.sensor import Sensor
 # Description of each kind and the unit of its value, or None if it takes no value.
 KINDS: dict[str, tuple[str, str | None]] = {
     'zero': ('reads its tare, as a skin that was unplugged after it', None),
-    'dead': ('as `zero`', None),
     'half_dead': ('half of the columns read their tare', None),
     'middle_dead': ('the middle half of the columns reads its tare', None),
     'frozen': ('the same image again and again, with stamps that run on', None),
@@ -23,8 +22,7 @@ KINDS: dict[str, tuple[str, str | None]] = {
     'stale_client': ('the client of the goal falls silent', None),
 }
 # Share of the columns at which a dead part begins and ends
-DEAD = {'zero': (0.0, 1.0), 'dead': (0.0, 1.0), 'half_dead': (0.0, 0.5),
-        'middle_dead': (0.25, 0.75)}
+DEAD = {'zero': (0.0, 1.0), 'half_dead': (0.0, 0.5), 'middle_dead': (0.25, 0.75)}
 FORM = 'KIND@T[:SECONDS][=VALUE]'
 _NUMBER = r'[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?'
 _SYNTAX = re.compile(rf'(\w+)@({_NUMBER})(?::({_NUMBER}))?(?:=({_NUMBER}))?')
@@ -56,7 +54,11 @@ class Fault:
         lasting = float(match[3] or math.inf)
         if not lasting > 0.0 or (kind == 'fade' and lasting == math.inf):
             raise ConfigurationError(f'fault {text!r}: takes :SECONDS above 0')
-        return cls(kind, float(match[2]), lasting, float(match[4] or 'nan'))
+        value = float(match[4] or 'nan')
+        if math.isinf(value) or kind == 'late' and value < 0.0:
+            raise ConfigurationError(
+                f'fault {text!r}: VALUE must be finite' + ' and not negative' * (kind == 'late'))
+        return cls(kind, float(match[2]), lasting, value)
 
     def acts(self, at: float) -> bool:
         """Return True if the fault is active `at` seconds after the start; `fade` stays."""

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from tactile_common.errors import ConfigurationError
 from tactile_sensing.cli import calibrate
@@ -126,3 +127,12 @@ def test_a_calibration_is_named_from_the_folder_of_the_scene(scene, tmp_path):
     (tmp_path / 'other.yaml').write_text(text)
     with pytest.raises(ConfigurationError, match='calibration is .*folder of the scene'):
         load_scene(tmp_path / 'other.yaml')
+
+
+def test_a_ball_does_not_fit_on_three_columns(tmp_path, capsys):
+    scene = yaml.safe_load((LAUNCH / 'scenes' / 'real_skin.yaml').read_text())
+    scene['calibration'] = str(LAUNCH / 'config' / 'real_skin.yaml')
+    scene['sensor'] |= {'rows': 16, 'columns': 3}
+    (tmp_path / 'narrow.yaml').write_text(yaml.safe_dump(scene))
+    assert press_ball.main([str(tmp_path / 'narrow.yaml'), '--out', str(tmp_path / 'out')]) == 2
+    assert '16 x 3 tactels: the ball stays' in capsys.readouterr().err

@@ -160,6 +160,18 @@ def test_the_object_slips_once_the_pad_has_come_so_far(tmp_path):
         np.testing.assert_allclose(world.shift, [expected, 0.0, 0.0], atol=1e-12)
 
 
+@pytest.mark.parametrize('offset', [0.0, 0.004])
+def test_a_slip_is_as_long_as_it_says_also_on_a_slope(tmp_path, offset):
+    slope = {**TREE['edge'], 'path': [{'straight': 0.2}], 'height': [[0.0, 0.0], [0.2, 0.2]]}
+    world = EdgeWorld(load_scene(write(tmp_path, {
+        **TREE, 'edge': slope, 'slip': {'s': 0.1, 'offset': offset}})))
+    pose = world.scene.start_pose()
+    pose[:3, 3] = world.scene.edge.point_at(0.15) - [0.0, 0.0, 1e-3]
+    for _ in range(2):
+        world.render(pose)
+        assert np.linalg.norm(world.shift) == pytest.approx(offset)
+
+
 def changed(path, value):
     """Return TREE with one value replaced, or removed if it is KeyError."""
     tree = yaml.safe_load(yaml.safe_dump(TREE))
@@ -194,6 +206,7 @@ def changed(path, value):
     (('sensor', 'baseline'), 256, 'sensor.baseline is 256'),
     (('sensor', 'columns'), 8.5, 'sensor.columns is 8.5, must be an integer'),
     (('slip',), {'s': 0.1}, "slip: key 'offset' is missing"),
+    (('slip',), {'s': 0.3, 'offset': 0.01}, 'slip.s is 0.3, must be at most the length'),
     (('start', 's'), 0.21, 'start.s is 0.21, must be at most the length of the edge, 0.2 m'),
 ])
 def test_wrong_values_are_named_in_one_line(tmp_path, path, value, words):

@@ -313,7 +313,7 @@ def test_reports_of_a_faulty_sensor():
         return Faults([Fault.of(fault)], sensor).counts(counts, at)
 
     assert (report('zero@1', 0.9) == counts).all() and (report('zero@1', 1.0) == 10).all()
-    assert (report('dead@1:1', 2.0) == counts).all()
+    assert (report('zero@1:1', 2.0) == counts).all()
     assert (report('gain@0=0.5', 1.0) == 60).all() and (report('fade@0:2', 1.0) == 60).all()
     assert (report('fade@0:2', 5.0) == 10).all()
     assert (report('half_dead@0', 0.0)[0] == [10] * 4 + [110] * 4).all()
@@ -334,6 +334,7 @@ def test_windows_come_late_and_a_client_falls_silent():
 @pytest.mark.parametrize('text, told', [
     ('broken@1', "'broken' is none of zero"), ('zero', 'must read KIND@T'),
     ('zero@-1', 'T from 0 s on'), ('zero@1=3', 'takes no =VALUE'),
+    ('gain@1=1e400', 'must be finite'), ('late@1=-5', 'not negative'),
     ('gain@1', 'takes =VALUE'), ('drift@1', '[Pa/s]'), ('fade@1', 'takes :SECONDS'),
     ('zero@1:0', 'SECONDS above 0')])
 def test_faults_that_make_no_sense_are_refused(text, told):

@@ -39,10 +39,9 @@ X, Y, YAW, NORMAL, SHEAR_X, SHEAR_Y, PER_LENGTH = ROW
 
 
 class KnownSensor(NamedTuple):
-    """Known properties of the readings; arrays have one value per layer (L,)."""
+    """Known properties of the readings; arrays have one value per layer (L,), pressure first."""
 
     pad: Pad
-    main: int  # index of the pressure layer
     noise: np.ndarray  # standard deviation of a tactel; 0: unknown
     full: np.ndarray  # full scale; infinite: none
     floor: np.ndarray  # a reading at or below it is an upper bound only; -infinite: none
@@ -60,7 +59,7 @@ def _examine(frame: np.ndarray, known: KnownSensor, saturated: int, noise: np.nd
     Unknown values of `noise` and `full` (layers,) are replaced by those that the image shows. The
     noise is at least that of rounding, and `floor` (layers,) at least the one in the image.
     """
-    main, pad, clipped, missing = known.main, known.pad, saturated, 0
+    pad, pressure, clipped, missing = known.pad, frame[0], saturated, 0
     for k in range(noise.size):
         if not noise[k] > 0.0:
             noise[k] = noise_of_image(frame[k], True)
@@ -68,22 +67,22 @@ def _examine(frame: np.ndarray, known: KnownSensor, saturated: int, noise: np.nd
         for value in frame[k].flat:
             missing += np.isnan(value)
             clipped += value >= full[k]
-    moments = moments_of(frame[main], pad.x, pad.y, -np.inf)
+    moments = moments_of(pressure, pad.x, pad.y, -np.inf)
     for k in range(6):
         record.moments[k] = moments[k]
-    top, live = np.nanmax(frame[main]), np.isfinite(frame[main]).sum()
-    highest = (frame[main] == top).sum()
-    if full[main] == np.inf and 1 < highest <= 0.25 * frame[main].size:
-        full[main] = hidden_scale(frame[main], noise[main])
-        clipped += highest * (full[main] < np.inf)
+    top, live = np.nanmax(pressure), np.isfinite(pressure).sum()
+    highest = (pressure == top).sum()
+    if full[0] == np.inf and 1 < highest <= 0.25 * pressure.size and top > 0.0:
+        full[0] = hidden_scale(pressure, noise[0])
+        clipped += highest * (full[0] < np.inf)
     record.type = OTHER if clipped > 0 else NONE
     why = 0
     if live < FEWEST:
         why = FEW_TACTELS
-    elif top < DETECTION * noise[main] and moments[0] < DETECTION * noise[main] * math.sqrt(live):
+    elif top < DETECTION * noise[0] and moments[0] < DETECTION * noise[0] * math.sqrt(live):
         why = BAD_FIT if clipped > 0 else NO_CONTACT
-    elif (frame[main] == np.nanmin(frame[main])).sum() > 1:
-        floor[main] = max(floor[main], hidden_floor(frame[main], noise[main]))
+    elif (pressure == np.nanmin(pressure)).sum() > 1:
+        floor[0] = max(floor[0], hidden_floor(pressure, noise[0]))
     record.reasons = why | SATURATED * (clipped > 0) | DEAD_TACTELS * (missing > saturated)
     return 0.0 if why else top
 
@@ -114,8 +113,9 @@ def _write_line(pad: Pad, theta: np.ndarray, ends: bool, values: np.ndarray,
     values[YAW], values[PER_LENGTH] = yaw - math.pi * turns, force
     values[NORMAL] = force * length
     values[SHEAR_X], values[SHEAR_Y] = shear * length * cos, shear * length * sin
-    change[X, P.Q0], change[X, P.Q1] = cos, cos * middle
-    change[Y, P.Q0], change[Y, P.Q1] = sin, sin * middle
+    # A turn about the centre of the pad moves the middle across the line, away from its +x.
+    change[X, P.Q0], change[X, P.Q1] = cos, -cos * middle
+    change[Y, P.Q0], change[Y, P.Q1] = sin, -sin * middle
     change[YAW, P.Q1] = change[PER_LENGTH, P.FORCE] = 1.0
     change[PER_LENGTH, P.TAPER] = grown
     change[NORMAL, P.FORCE], change[NORMAL, P.TAPER] = length, length * grown
@@ -179,10 +179,10 @@ def _report(pad: Pad, one: Hypothesis, force_std: float, record: Any) -> None:
 def _answer(frame: np.ndarray, known: KnownSensor, saturated: int, kinds: np.ndarray,
             record: Any) -> int:
     """Write the answer for one image; return the options of the fit (see `fit.beliefs_of`)."""
-    pad, main, size, shape = known.pad, known.main, frame[0].size, frame.shape
+    pad, size, shape = known.pad, frame[0].size, frame.shape
     noises, full, floor = known.noise.copy(), known.full.copy(), known.floor.copy()
     top = _examine(frame, known, saturated, noises, full, floor, record)
-    noise, seen = noises[main], record.reasons
+    noise, seen = noises[0], record.reasons
     if top == 0.0 or kinds.size == 0:
         return 0
     if top < noise * 10.0 ** (MIN_SNR / 20.0):  # a fit cannot reach it
@@ -192,14 +192,14 @@ def _answer(frame: np.ndarray, known: KnownSensor, saturated: int, kinds: np.nda
                         np.repeat(floor, size))
     for again in range(2):
         one, why = search(pad, readings, known.scatter, kinds)
-        if again or one.fit.evidence == -np.inf or known.noise[main] > 0.0:
+        if again or one.fit.evidence == -np.inf or known.noise[0] > 0.0:
             break
         left = (readings.value - one.fit.model).reshape(shape)
-        quieter = max(noise_of_image(left[main], False), noise_of_rounding(frame[main]))
+        quieter = max(noise_of_image(left[0], False), noise_of_rounding(frame[0]))
         if not quieter < QUIETER * noise:
             break
         noise = quieter
-        readings.noise2[:] = quieter ** 2
+        readings.noise2[:size] = quieter ** 2
     record.type, record.reasons = OTHER, seen | why
     if one.fit.evidence == -np.inf:
         return 0

@@ -124,19 +124,21 @@ class ContactEstimator:
 
     def _estimate(self, stress: np.ndarray, array: TactelArray, layers: Sequence[Layer],
                   tared: bool, saturated: int) -> tuple[np.ndarray, str]:
-        """Return the records (N,) of frames and the last model's name; modifies `stress`."""
+        """Return the records (N,) of frames and the last model's name."""
         for layer in layers:
             check_layer(layer)
         config = self.config
         main = next((k for k, it in enumerate(layers) if it.component == 'zz'), 0)
+        order = [main, *(k for k in range(len(layers)) if k != main)]
+        stress, layers = stress[:, order], [layers[k] for k in order]
+        known = layers[0]
         pad = pad_of(
             array, tuple((layer.component, float(layer.depth)) for layer in layers),
-            area=config.tactel == 'area', thickness=float(layers[main].thickness),
-            poisson=float(layers[main].poisson))
-        known = layers[main]
+            area=config.tactel == 'area', thickness=float(known.thickness),
+            poisson=float(known.poisson))
         noises = np.array([max(config.noise_std or it.noise_std, 0.0) for it in layers], float)
         sensor = KnownSensor(
-            pad, main, noises,
+            pad, noises,
             np.array([it.full_scale or np.inf for it in layers]),
             np.array([it.floor or -np.inf for it in layers]), float(known.gain_spread),
             known.unit == 'Pa', float(known.force_std))

@@ -52,7 +52,7 @@ EXTRAPOLATED = 0.25  # with a larger share of the pressure above full scale the 
 STRIPS = 3  # rows or columns; fewer show no direction
 FIRST_PATCH = 0.1  # start value of the variance of a patch [depths^2]
 LONG = 2.0  # half length over half width above which a line is tried first
-SKIN_MISMATCH = int(Reason.SKIN_MISMATCH)
+SKIN_MISMATCH, FEW_TACTELS = int(Reason.SKIN_MISMATCH), int(Reason.FEW_TACTELS)
 
 
 class Guess(NamedTuple):
@@ -280,10 +280,12 @@ def search(pad: Pad, readings: Readings, scatter: float,
         Reasons to refuse it; 0 if there are none. SKIN_MISMATCH is set if only a bump of free
         shape explains the image although the skin is known.
     """
-    guess = first_guess(pad, readings.value)
+    guess, only_lines = first_guess(pad, readings.value), not (kinds == POINT).any()
     kinds, known = _order(pad, guess, kinds), pad.depths[0] > 0.0
     nothing = _nothing(readings, beliefs_of(pad, scatter, kinds[0], POWER * (not known)))
     one, explains, why = nothing, False, BAD_FIT
+    if only_lines and kinds[0] == POINT:
+        return nothing, FEW_TACTELS
     if known:
         one, explains = _search_sharp(pad, readings, scatter, guess, kinds)
         if explains:

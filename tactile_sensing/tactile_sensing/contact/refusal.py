@@ -129,9 +129,8 @@ def _bad_fit(pad: Pad, readings: Readings, one: Hypothesis) -> int:
     if not wrong:
         return 0
     size = pad.x.size * pad.y.size
-    first = size * np.argmax(pad.levers[:, 0])  # of the layer of pressure
-    image = readings.value[first:first + size].reshape(pad.y.size, pad.x.size)
-    return BAD_FIT | TWO_CONTACTS * has_second_hill(image, math.sqrt(readings.noise2[first]))
+    image = readings.value[:size].reshape(pad.y.size, pad.x.size)
+    return BAD_FIT | TWO_CONTACTS * has_second_hill(image, math.sqrt(readings.noise2[0]))
 
 
 @njit(error_model='numpy')

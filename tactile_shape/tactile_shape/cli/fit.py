@@ -135,14 +135,15 @@ def run(options: argparse.Namespace) -> str:
     begin = time.perf_counter()
     records, reasons = _fit(recording, estimator)
     rate = len(recording) / max(time.perf_counter() - begin, 1e-9)
+    model = estimator.model
+    outline = str(find_outline(model.contour)) if options.outline else ''
     write_arrays(options.out, **{name: records[name] for name in COLUMNS})
     text = [f'{options.out}: {len(recording)} contacts, {rate:.0f} contacts/s; '
             + _summary(records, reasons)]
     if hint := _hint(recording.position, records, config.window):
         text.append(f'hint: {hint}')
-    model = estimator.model
-    if options.outline:
-        text.append(str(find_outline(model.contour)))
+    if outline:
+        text.append(outline)
     if options.contour:
         model.save_points(options.contour)
     if options.ply:
@@ -189,7 +190,8 @@ def _summary(records: np.ndarray, reasons: Counter[str]) -> str:
 
 def _hint(position: np.ndarray, records: np.ndarray, window: float) -> str:
     """Return a probable mistake in the units or signs of the input; empty if none shows."""
-    steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    with np.errstate(invalid='ignore', over='ignore'):  # positions may be infinite
+        steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
     if (step := np.nanmedian(steps) if np.isfinite(steps).any() else 0.0) > window:
         return (f'contacts are {step:.3g} m apart, more than the window of {window:g} m; are '
                 'positions in metres?')

@@ -19,7 +19,8 @@ MIDDLE = 2e-3
 BEYOND = 1e-3  # m between a fitted line and its ridge; if farther apart, the ridge is used
 ELONGATED = 4.0  # ratio of second moments; a bent edge has 10 or more, a round contact 1
 FARTHEST = 1.0  # m, largest |x| + |y| of a place on a pad
-LEAVING = 0.5  # share of a path's largest load; below it, the pad lifts off
+LEAVING = 0.5  # share of the largest load of late; below it, the pad lifts off
+FORGOTTEN = 1.0  # time constant with which that largest load is forgotten [s]
 WAITING = 200  # most contacts or images that wait for their counterpart: about one second
 # Contacts farther apart belong to different paths: one and a half frames of a sensor of 10 Hz.
 MAX_GAP_NS = NS * 3 // 20
@@ -174,7 +175,7 @@ class ContactPath:
         self._pictures: dict[int, Callable[[], TactileImage | None]] = {}  # by their stamps [ns]
         self.lost = 0  # number of contacts without a pose
         self._last: int | None = None  # stamp of the last contact [ns]
-        self._touched = -MAX_GAP_NS - 1  # stamp of the last load [ns], and the largest load
+        self._touched = -MAX_GAP_NS - 1  # stamp of the last load [ns], and the largest of late
         self._heaviest = 0.0
 
     def clear(self) -> None:
@@ -246,8 +247,8 @@ class ContactPath:
         return SpatialContact(turn @ position + pose[:3, 3], turn @ normal, edge), anew, ''
 
     def _leaves(self, stamp: int, load: float) -> bool:
-        """Return True if the load is far below its maximum: places are then unreliable."""
-        if not 0 <= stamp - self._touched <= MAX_GAP_NS:
-            self._heaviest = 0.0
-        self._touched, self._heaviest = stamp, max(self._heaviest, load)
+        """Return True if the load is far below that of late: places are then unreliable."""
+        gap = stamp - self._touched
+        kept = math.exp(-gap / (NS * FORGOTTEN)) if 0 <= gap <= MAX_GAP_NS else 0.0
+        self._touched, self._heaviest = stamp, max(kept * self._heaviest, load)
         return load < LEAVING * self._heaviest

@@ -156,8 +156,9 @@ class Fitter:
         turn = turn_about_z(principal_curvatures(*curvature.tolist())[2])[:2, :2].T
         errors, weighted = turn @ (self._rows[1:] @ unknowns), turn @ (
             self._weighted[1:] @ unknowns)
-        squares = (errors * weighted).sum(axis=1) + 1e-300
-        r = (errors[:, 1:] * weighted[:, :-1]).sum(axis=1) / squares
+        scaled = np.sign(errors) * np.sqrt(np.abs(errors * weighted))  # [standard deviations]
+        squares = (scaled ** 2).sum(axis=1) + 1e-300
+        r = (scaled[:, 1:] * scaled[:, :-1]).sum(axis=1) / squares
         return float((squares * (1.0 + r) / (1.0 - r)).max()) / (len(self._points) - _SPENT)
 
     def _solve(self, curvature: np.ndarray, doubt: np.ndarray, model_error: float = 0.0) -> None:
