@@ -127,12 +127,12 @@ def checked(name: str, value: Any, kind: Any,
             return None
         kind = next(item for item in get_args(kind) if item is not type(None))
         return checked(name, value, kind, metadata)
-    if kind is tuple or origin is tuple:
+    if origin is tuple:
         if metadata.get('one_for_all') and not hasattr(value, '__iter__'):
             value = (value,)
         if isinstance(value, (str, bytes)) or not hasattr(value, '__iter__'):
             _refuse(name, value, 'a list')
-        item_kind = (get_args(kind) or (str,))[0]
+        item_kind = get_args(kind)[0]
         return tuple(checked(f'{name}[{k}]', item, item_kind, metadata)
                      for k, item in enumerate(value))
     if kind in _KINDS:
@@ -146,7 +146,7 @@ def checked(name: str, value: Any, kind: Any,
     elif dataclasses.is_dataclass(kind) and type(value) is not kind:
         _refuse(name, value, f'a {getattr(kind, "__name__", kind)}')
     low, high = metadata.get('range', (-math.inf, math.inf))
-    if 'range' in metadata and not (math.isfinite(value) and low <= value <= high):
+    if 'range' in metadata and not (abs(value) < math.inf and low <= value <= high):
         unit = metadata.get('unit', '')
         _refuse(name, value, _bounds(low, high, unit) + _thousandth(value, low, high, unit))
     if 'choices' in metadata and value not in metadata['choices']:
@@ -171,9 +171,9 @@ def _bounds(low: float, high: float, unit: str) -> str:
 
 def _thousandth(value: float, low: float, high: float, unit: str) -> str:
     """Return the question whether a length or speed was given in millimetres."""
-    meant = value / 1000.0
-    asked = unit.startswith('m') and not low <= value <= high and low <= meant <= high
-    return f'; did you mean {meant:g}?' if asked else ''
+    asked = unit.startswith('m') and not low <= value <= high and (
+        1e3 * low <= value <= 1e3 * high)
+    return f'; did you mean {value / 1e3:g}?' if asked else ''
 
 
 def _refuse(name: str, value: Any, expected: str) -> NoReturn:

@@ -20,7 +20,7 @@ class _Loader(_Base):
 
 
 _Loader.add_implicit_resolver('tag:yaml.org,2002:float', re.compile(
-    r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+'), list('-+.0123456789'))
+    r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$'), list('-+.0123456789'))
 
 
 def read_yaml(path: str | os.PathLike) -> Any:
@@ -54,7 +54,8 @@ def parse_yaml(text: str) -> Any:
         return yaml.load(text, Loader=_Loader)
     except ConfigurationError:
         raise
-    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError, OverflowError, RecursionError, LookupError,
+            AttributeError) as error:
         reason = ' '.join(str(error).split())
         raise ConfigurationError(f'is not YAML: {reason:.300}') from error
 

@@ -8,6 +8,7 @@ import pytest
 from tactile_common.config import bounded, check_fields, checked, one_of
 from tactile_common.errors import ConfigurationError
 from tactile_common.parameter_file import ParameterFile
+from tactile_common.yaml_file import parse_yaml
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,7 @@ def test_accepted(change):
     ({'rate': 'fast'}, "rate is 'fast', must be a number"),
     ({'rate': True}, 'rate is True, must be a number'),
     ({'count': 0}, 'count is 0, must be finite and at least 1'),
+    ({'count': -10**400}, f'count is -1{58 * "0"}, must be finite and at least 1'),
     ({'count': 2.0}, 'count is 2.0, must be an integer'),
     ({'warmest': 301.0}, 'warmest is 301.0, must be at most 300 K'),
     ({'shift': -math.inf}, 'shift is -inf, must be finite'),
@@ -89,3 +91,14 @@ def test_a_value_that_is_no_float_is_refused_and_cut(value):
     with pytest.raises(ConfigurationError, match=r'^rate is .*, must be a number$') as error:
         checked('rate', value, float)
     assert len(str(error.value)) < 100
+
+
+def test_a_text_that_begins_like_a_number_is_a_text():
+    assert parse_yaml('[1e3_0.mcap, 1e3.mcap, 12e4x, 1e3]') == [
+        '1e3_0.mcap', '1e3.mcap', '12e4x', 1000.0]
+
+
+@pytest.mark.parametrize('text', ['!!int ""', '!!float ""', '!!bool x', '!!timestamp x'])
+def test_a_value_that_is_not_of_its_tag_is_refused(text):
+    with pytest.raises(ConfigurationError, match='^is not YAML: '):
+        parse_yaml(f'a: {text}')
