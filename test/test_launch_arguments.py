@@ -64,6 +64,10 @@ def test_the_lines_of_the_pages_have_arguments_that_there_are():
     ('use_rviz:=true', 'use_rviz:=true needs rviz2: apt install ros-$ROS_DISTRO-rviz2'),
     ('sensor:=flexitac', 'sensor:=flexitac needs its port, for instance port:=/dev/ttyUSB0'),
     ('speed:=fast', 'speed:=fast is not a number'),
+    ('speed:=50', 'speed is 50.0, must be between 0.0001 and 0.2 m/s; did you mean 0.05?'),
+    ('force:=nan', 'force is nan, must be between 0.6 and 8 N'),
+    ('length:=-1', 'length is -1.0, must be finite and at least 0 m'),
+    ('length:=inf', 'length is inf, must be finite and at least 0 m'),
     ('sensor:=other', "Valid options are: ['mock', 'flexitac', 'csv_lines', 'vitac', "),
     ('sensor:=topic', 'sensor:=topic needs its topic, for instance topic:=/my_sensor/image'),
     ('law:=tactile_jacobian', "law: 'tactile_jacobian' works on goals of track_surface; what is "

@@ -9,7 +9,7 @@ pytest.importorskip('launch_ros', reason=WHY)
 # Only where launch is installed.
 from launch import LaunchDescription  # noqa: E402, I100, I202
 from tactile_tests.graph import bench  # noqa: E402, I100
-from tactile_tests.launching import DEADLINE, edge_tracking, launched, Processes  # noqa: E402, I100
+from tactile_tests.launching import DEADLINE, edge_tracking, Processes  # noqa: E402, I100
 
 NODES = ('driver', 'contact_estimator', 'shape_estimator', 'edge_servo', 'mock_sensor',
          'mock_robot', 'track')
@@ -38,11 +38,3 @@ def test_defaults_track_the_edge_and_end_cleanly(processes):
     yield  # until launch has shut down, by itself
     assert processes.exits == dict.fromkeys(NODES, 0)
     assert not any('Traceback' in processes.text(name) for name in NODES)
-
-
-def test_speed_beyond_the_limit_is_a_rejected_goal():
-    with launched('shutdown:=true', 'speed:=0.5') as it:
-        assert it.end() == 1
-    assert it.found(r'speed is 0\.5, must be between 0\.0001 and 0\.2 m/s')
-    died = it.found('process has died')  # with the status of a goal that is refused
-    assert len(died) == 1 and '[track-' in died[0] and 'exit code 2' in died[0]

@@ -1,5 +1,6 @@
 """Launch actions for the nodes of one robot with its sensor."""
 from collections.abc import Collection, Mapping
+import math
 import os
 from pathlib import Path
 import tempfile
@@ -18,9 +19,11 @@ from edge_tracking.launch_arguments import number
 from edge_tracking.parameters import check_file, driver_parameters, names_in
 from edge_tracking.resources import NAMESPACE, share
 from edge_tracking.track import RESUMES
+from tactile_common.config import checked
 from tactile_common.errors import ConfigurationError
 from tactile_common.parameter_file import ParameterFile
 from tactile_sensing.devices.calibration import load_calibration
+from tactile_servo.config import check_goal, ServoConfig
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.motion.robot import RobotModel
 from tactile_servo.motion.urdf import parse, text_of
@@ -70,7 +73,7 @@ class Nodes:
             name: number(name, value[name]) for name in ('speed', 'force', 'length')}
 
     def check(self) -> RobotModel:
-        """Refuse a parameter file, robot or calibration with which no node could start."""
+        """Refuse a parameter file, goal, robot or calibration that a node would refuse."""
         value = self.value
         nodes = names_in(value['namespace'], self.robot_namespace)
         for name, there in (('mock_sensor', self.mock_sensor),
@@ -81,7 +84,12 @@ class Nodes:
                 del nodes[name]
         for text in check_file(value['params_file'], nodes, self.law):
             get_logger('launch').warning(text)
-        servo = ParameterFile(value['params_file']).values(nodes['edge_servo'])
+        file = ParameterFile(value['params_file'])
+        servo = file.values(nodes['edge_servo'])
+        if self.starts:
+            check_goal(self.goal['speed'], self.goal['force'],
+                       file.config(nodes['edge_servo'], ServoConfig))
+            checked('length', self.goal['length'], float, {'range': (0.0, math.inf), 'unit': 'm'})
         model = RobotModel.from_urdf(
             value['robot_description'], servo.get('tip_frame', NodeConfig.tip_frame))
         if self.robot == 'real' and not {'workspace.lower', 'workspace.upper'} <= servo.keys():
