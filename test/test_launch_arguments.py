@@ -87,12 +87,16 @@ def test_wrong_argument_ends_the_launch_with_a_clear_line(argument, text, tmp_pa
 
 
 def test_a_launch_service_tracks_without_the_ros2_command_and_without_a_red_line(tmp_path):
+    beside = tmp_path / 'mine.yaml'
+    beside.write_text('kept')
     with launching.launched('shutdown:=true', 'length:=0.01', 'namespace:=elsewhere',
-                            TMPDIR=str(tmp_path)) as it, bench(namespace='elsewhere') as graph:
+                            f'port:={tmp_path}/mine', TMPDIR=str(tmp_path)) as it, \
+            bench(namespace='elsewhere') as graph:
         graph.attend(lambda: it.status is not None, 'the end', launching.DEADLINE)
         assert it.end() == 0
         lines = it.lines
-    assert not list(tmp_path.glob('tactile_*'))
+    assert not list(tmp_path.glob('tactile_*')) and not (tmp_path / 'mine').is_symlink()
+    assert beside.read_text() == 'kept'
     assert any('track: length reached' in line for line in lines), '\n'.join(lines)
     # A window that a loaded machine delivers late is rejected, rightly.
     red = [line for line in lines if '[ERROR]' in line or 'Traceback' in line]

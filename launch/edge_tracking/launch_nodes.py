@@ -66,9 +66,10 @@ class Nodes:
         self.law = law_for(self.scene.action, law) if self.scene else law or DEFAULT
         self.own = self.scene.parameters() if self.scene else {}
         # With the process id, so that another launch on this machine does not take the link over.
-        self.port = value['port'] or str(Path(
-            tempfile.gettempdir(),
-            f'tactile_{os.getpid()}_{value["namespace"].replace("/", "_")}'))
+        own = Path(tempfile.gettempdir(),
+                   f'tactile_{os.getpid()}_{value["namespace"].replace("/", "_")}')
+        self.port = value['port'] or str(own)
+        self.mock_calibration = Path(f'{own}.yaml')
         self.goal: dict[str, Any] = {
             name: number(name, value[name]) for name in ('speed', 'force', 'length')}
 
@@ -136,7 +137,7 @@ class Nodes:
         """Return driver and estimators, and the mock sensor with its calibration."""
         actions, driver = [], self.driver
         if self.mock_sensor:
-            own = Path(f'{self.port}.yaml')
+            own = self.mock_calibration
 
             def remove(*_: Any) -> None:
                 own.unlink(missing_ok=True)
