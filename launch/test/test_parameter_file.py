@@ -64,6 +64,9 @@ def test_a_name_may_be_cut_into_mappings(written):
      'no parameter speed.maks; did you mean speed.max'),
     (section('/**/edge_servo', 'force: {gian: 3.0}', 'use_sim_time: true'),
      '/\\*\\*/edge_servo: no parameter force.gian; did you mean force.gain'),
+    (section('/**/edge_servo', 'workspace: {lower: [0, -0.3, 0.05]}'),
+     'edge_servo: workspace.lower is \\[0, -0.3, 0.05\\], must have items of one type: in a list '
+     'of numbers, write 0.0 for 0'),
     (section('/**/mock_sensor', 'rate: -1.0'), '/tactile/mock_sensor: rate is -1.0'),
     ('rate: 100.0', 'must be a mapping of names of nodes'),
     ('/**/driver: {ros__parameters: 3}', 'ros__parameters must be a mapping'),
