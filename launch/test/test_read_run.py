@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rclpy.serialization import serialize_message
 from recorded_run import pose_at, START, TOPICS, write_bag
 from rosbags.rosbag2 import StoragePlugin, Writer
 
@@ -9,6 +10,9 @@ from edge_tracking.recording import run as run_module
 from edge_tracking.recording.run import read_run
 from edge_tracking.recording.summary import lost_images, summarise_recording
 from tactile_common.errors import ConfigurationError
+from tactile_common.ros.conversions import stamp_from_ns
+from tactile_common.ros.message_definitions import definition_of
+from tactile_msgs.msg import TactileImage
 
 
 def test_run_reads_back_as_written(bag, scene):
@@ -28,6 +32,18 @@ def test_run_reads_back_as_written(bag, scene):
     np.testing.assert_allclose(run.poses.matrix[200], pose_at(scene, 0.5), atol=1e-12)
     assert run.start_ns == START
     assert run.seconds(START + 1_500_000_000) == pytest.approx(1.5)
+
+
+def test_time_begins_with_the_stamps_which_may_be_simulated(tmp_path):
+    first, stamp_ns = TOPICS[0], 5_000_000_000
+    kind, definition, digest = definition_of(first[1])
+    image = TactileImage(rows=1, columns=1)
+    image.header.stamp = stamp_from_ns(stamp_ns)
+    with Writer(tmp_path / 'run', version=9) as writer:
+        connection = writer.add_connection(first[0], kind, msgdef=definition, rihs01=digest)
+        writer.write(connection, START, serialize_message(image))
+    run = read_run(tmp_path / 'run')
+    assert run.seconds(stamp_ns) == 0.0 and run.received_ns == START
 
 
 def test_of_a_long_run_some_messages_are_read_and_all_stamps(bag, monkeypatch):

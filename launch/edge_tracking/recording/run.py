@@ -96,7 +96,8 @@ class RunData:
     """One run of a sensor and its servo; arrays are empty for topics that were not recorded."""
 
     namespace: str
-    start_ns: int
+    received_ns: int  # system time of the first message
+    start_ns: int  # the first stamp, which may be of simulated time
     images: Images
     contacts: np.recarray  # see CONTACTS
     statuses: np.recarray  # see STATUSES
@@ -113,7 +114,7 @@ class RunData:
     touches: np.recarray  # contacts with a surface, z along the outward normal
 
     def seconds(self, time_ns: Any) -> np.ndarray:
-        """Convert times [ns] to seconds since the first message that was read."""
+        """Convert times [ns] to seconds since the first stamp."""
         return (np.asarray(time_ns, dtype=np.int64) - self.start_ns) * 1e-9
 
 
@@ -145,7 +146,9 @@ def read_run(path: str | Path, namespace: str | None = None, *,
                 rows[name] += _READ[name](row.message)
         return RunData(
             namespace=bag.prefix,
-            start_ns=bag.span[0],
+            received_ns=bag.span[0],
+            start_ns=min((int(known[0]) for known in stamps.values() if known),
+                         default=bag.span[0]),
             images=_images(rows['image']),
             contacts=CONTACTS.of(rows['contact']),
             statuses=STATUSES.of(rows['servo_status']),

@@ -83,7 +83,7 @@ def _head(it: Shown) -> str:
 def _about(it: Shown) -> list[tuple[str, ...]]:
     """Return rows with information about a recording in addition to its numbers."""
     run, summary = it.run, it.summary
-    when = datetime.fromtimestamp(1e-9 * run.start_ns, timezone.utc)
+    when = datetime.fromtimestamp(1e-9 * run.received_ns, timezone.utc)
     law, seed, sensor, goal = summary.get('law', ''), summary.get('seed'), '', ''
     if run.info:
         array = run.info.array
