@@ -131,14 +131,15 @@ class ViewNode(TactileNode):
                     key=lambda it: it.depth, default=None)
         if layer is None:
             raise TactileError('no layer of pressure')
-        most = float(np.nanmax(layer.stress, initial=0.0))
+        pressure = np.where(np.isfinite(layer.stress), layer.stress, np.nan)
+        most = float(np.nanmax(pressure, initial=0.0))
         self._top = max(most, FADING * self._top, NOISES * layer.noise_std, 1e-9)
         stamp, (last, sequence) = stamp_to_ns(message.header.stamp), self._last
         if stamp > last:
             rate = 1e9 * (message.sequence - sequence) / (stamp - last)
             self._rate = rate if not self._rate else 0.9 * self._rate + 0.1 * rate
         self._last = stamp, message.sequence
-        shades = levels(layer.stress, self._top)
+        shades = levels(pressure, self._top)
         return message.header, shades, {
             'rows': message.rows, 'columns': message.columns, 'unit': layer.unit,
             'pitch': [message.pitch_x, message.pitch_y], 'top': self._top, 'rate': self._rate,

@@ -10,9 +10,10 @@ from edge_tracking.recording import run as run_module
 from edge_tracking.recording.run import read_run
 from edge_tracking.recording.summary import lost_images, summarise_recording
 from tactile_common.errors import ConfigurationError
+from tactile_common.ros.cdr import packed, unpacked
 from tactile_common.ros.conversions import stamp_from_ns
 from tactile_common.ros.message_definitions import definition_of
-from tactile_msgs.msg import TactileImage
+from tactile_msgs.msg import TactileImage, TactileLayer
 
 
 def test_run_reads_back_as_written(bag, scene):
@@ -44,6 +45,14 @@ def test_time_begins_with_the_stamps_which_may_be_simulated(tmp_path):
         writer.write(connection, START, serialize_message(image))
     run = read_run(tmp_path / 'run')
     assert run.seconds(stamp_ns) == 0.0 and run.received_ns == START
+
+
+def test_a_pressure_that_is_not_finite_is_an_invalid_tactel():
+    image = TactileImage(rows=2, columns=2, pitch_x=1e-3, pitch_y=1e-3, layers=[
+        TactileLayer(stress=[np.inf, -np.inf, 3.0, 4.0])])
+    image = unpacked(packed(image), TactileImage)
+    images = run_module._images(run_module._image(image))
+    np.testing.assert_array_equal(images.frames, [[[np.nan, np.nan], [3.0, 4.0]]])
 
 
 def test_of_a_long_run_some_messages_are_read_and_all_stamps(bag, monkeypatch):

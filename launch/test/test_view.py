@@ -1,4 +1,5 @@
 """The live view: who may look, what is sent, and that nobody's text becomes markup."""
+from array import array
 from contextlib import contextmanager
 from http.client import HTTPConnection
 import json
@@ -16,6 +17,8 @@ from edge_tracking.web import server as server_module
 from edge_tracking.web.page import INVALID, levels
 from edge_tracking.web.server import Server
 from tactile_common.errors import ConfigurationError
+from tactile_common.ros.cdr import packed, unpacked
+from tactile_msgs.msg import TactileImage
 
 HOSTILE = '</script><img src=x onerror=alert(1)>'
 
@@ -95,6 +98,22 @@ def test_image_has_rows_upwards_and_the_contact(place, at, beside):
     assert (image.height, image.width, image.encoding, image.step) == (320, 320, 'rgb8', 960)
     assert tuple(pixels[at]) == ESTIMATE and tuple(pixels[beside]) == tuple(PALETTE[0])
     assert tuple(pixels[0, 0]) == tuple(PALETTE[254])
+
+
+@pytest.fixture
+def image():
+    return next(message for topic, _, message in messages(straight_scene())
+                if topic == '/tactile/image')
+
+
+@pytest.mark.graph
+def test_a_pressure_that_is_not_finite_is_invalid_and_has_no_effect_on_others(image):
+    image.layers[0].stress[:4] = array('f', (np.nan, np.inf, -np.inf, 1e5))
+    with Graph() as graph:
+        view = graph.add(ViewNode, port=0)
+        _, shades, shown = view._image(unpacked(packed(image), TactileImage))
+        assert shades[0, :4].tolist() == [INVALID, INVALID, INVALID, 254]
+        assert shown['top'] == pytest.approx(1e5)
 
 
 @pytest.mark.graph

@@ -183,7 +183,9 @@ def _images(rows: Sequence[tuple]) -> Images:
     first, unit, pitches, *_ = rows[0]
     frames, _, _, stamps, numbers = zip(
         *(row for row in rows if row[0].shape == first.shape), strict=True)
-    return Images(np.array(frames, np.float32), TactelArray(*first.shape, *pitches), unit,
+    pressure = np.array(frames, np.float32)
+    pressure[~np.isfinite(pressure)] = np.nan
+    return Images(pressure, TactelArray(*first.shape, *pitches), unit,
                   np.array(stamps, np.int64), np.array(numbers, np.int64))
 
 
