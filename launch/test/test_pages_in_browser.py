@@ -8,8 +8,9 @@ import subprocess
 
 import numpy as np
 import pytest
+from recorded_run import TOPICS, write_bag
 
-from edge_tracking.recording.summary import summarise, truth
+from edge_tracking.recording.summary import read, summarise, truth
 from edge_tracking.report.page import make_report, Shown
 from edge_tracking.view import live_page
 from edge_tracking.web.page import packed
@@ -80,12 +81,14 @@ def faults(found):
 def test_report(run, scene, tmp_path):
     summary = summarise(run, scene)
     known = Shown('bag', run, summary, scene, truth(run, scene))
-    pages = [tmp_path / 'report.html', tmp_path / 'two.html']
+    pages = [tmp_path / name for name in ('report.html', 'two.html', 'blind.html')]
     make_report(pages[0], known)
     make_report(pages[1], known, known)
+    make_report(pages[2], read(write_bag(tmp_path / 'blind', topics=TOPICS[4:6])))
     found, console = measured(pages, tmp_path)
     # Of each run the image, the way, place twice, force, view from above, contacts, latency.
-    assert [len(it['drawn']) for it in found] == [8, 8, 16, 16]
+    # Without images and contour the way, place twice, force, latency.
+    assert [len(it['drawn']) for it in found] == [8, 8, 16, 16, 5, 5]
     assert all('track' in said for it in found for said in it['players'])
     assert all(drawn > 1000 for it in found for drawn in it['drawn'])
     assert faults(found) == [] and console == []

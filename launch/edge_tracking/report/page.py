@@ -159,7 +159,8 @@ def _sections(it: Shown, columns: int) -> Iterator[Section]:
 
 
 def _player(run: RunData, columns: int) -> Iterator[Section]:
-    stamps, count = charts.chosen(run, columns), len(run.stamps['image'])
+    stamps = charts.chosen(run, columns)
+    count = len(run.stamps['image']) if run.images.array else 0
     if not len(stamps):
         return
     canvases = (['tactile image'] if count else []) + (

@@ -1,7 +1,9 @@
 'use strict';
 const find = name => document.getElementById(name), WAY_POINTS = 3000, PERIOD = 33;  // ms
 let newest = null, drawn = null, heard = 0, path = [];
-const view = turnable(find('way'), () => { drawn = null; });
+const again = () => { drawn = null; };
+const view = turnable(find('way'), again);
+window.addEventListener('resize', again);
 
 function say(name, text) { find(name).textContent = text; }
 

@@ -1,6 +1,7 @@
 'use strict';
 function play(root, it) {
-  const [image, way] = root.querySelectorAll('canvas'), said = root.querySelector('p');
+  const canvases = root.querySelectorAll('canvas'), said = root.querySelector('p');
+  const [image, way] = it.rows ? canvases : [null, ...canvases];
   const [button, slider] = root.querySelectorAll('button, input');
   const time = decoded(it.time, Float32Array), path = decoded(it.path, Float32Array);
   const force = decoded(it.force, Float32Array), stage = decoded(it.stage, Int32Array);

@@ -93,12 +93,10 @@ function drawWay(canvas, ways, view, here) {
     }
     context.stroke();
   }
-  if (here !== undefined) {
-    context.beginPath();
-    context.fillStyle = ESTIMATE;
-    context.arc(...at(all[0], here), 5, 0, 2 * Math.PI);
-    context.fill();
-  }
+  context.beginPath();
+  context.fillStyle = ESTIMATE;
+  context.arc(...at(all[0], here), 5, 0, 2 * Math.PI);
+  context.fill();
   drawAxes(context, place, scale, [14 - width / 2, 14 - height / 2]);
 }
 
