@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
+import json
 import math
 import sys
 from typing import Any
@@ -135,7 +136,7 @@ class ViewNode(TactileNode):
         most = float(np.nanmax(pressure, initial=0.0))
         self._top = max(most, FADING * self._top, NOISES * layer.noise_std, 1e-9)
         stamp, (last, sequence) = stamp_to_ns(message.header.stamp), self._last
-        if stamp > last:
+        if 0 < last < stamp and sequence < message.sequence:  # else it has just begun
             rate = 1e9 * (message.sequence - sequence) / (stamp - last)
             self._rate = rate if not self._rate else 0.9 * self._rate + 0.1 * rate
         self._last = stamp, message.sequence
@@ -206,10 +207,10 @@ def main(args: list[str] | None = None) -> int:
         epilog='Topics are those of the namespace tactile; another by --ros-args -r __ns:=/NAME')
     parser.add_argument('--host', help='address to serve at, with a token where others '
                         f'reach it; default {ViewConfig.host}')
-    parser.add_argument('--port', help=f'default {ViewConfig.port}; 0: any that is free')
+    parser.add_argument('--port', type=int, help=f'default {ViewConfig.port}; 0: any that is free')
     with refusing('view') as command:
         options = parser.parse_args(given)
         own = [part for name, value in vars(options).items() if value is not None
-               for part in ('-p', f'{name}:={value}')]
+               for part in ('-p', f'{name}:={json.dumps(value)}')]
         command.status = run(ViewNode, [ros[0], *own, *ros[1:]])
     return command.status

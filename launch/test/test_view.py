@@ -11,6 +11,7 @@ from rclpy.qos import qos_profile_sensor_data
 from recorded_run import messages, straight_scene, TOPICS
 from sensor_msgs.msg import Image
 
+from edge_tracking import view as view_module
 from edge_tracking.graph import Graph
 from edge_tracking.view import drawn, ESTIMATE, main, PALETTE, ViewNode
 from edge_tracking.web import server as server_module
@@ -47,6 +48,7 @@ def test_page_is_for_this_machine_alone():
         # A page of another site whose name was made to point here.
         assert get(server, '/', Host='evil.example').status == 403
         assert get(server, '/newest', Host='evil.example').status == 403
+        assert get(server, '/', Host='[').status == 403
         assert get(server, '/../../etc/passwd').status == 404
 
 
@@ -114,6 +116,25 @@ def test_a_pressure_that_is_not_finite_is_invalid_and_has_no_effect_on_others(im
         _, shades, shown = view._image(unpacked(packed(image), TactileImage))
         assert shades[0, :4].tolist() == [INVALID, INVALID, INVALID, 254]
         assert shown['top'] == pytest.approx(1e5)
+
+
+@pytest.mark.graph
+def test_the_rate_is_that_of_one_stream(image):
+    with Graph() as graph:
+        view, shown = graph.add(ViewNode, port=0), []
+        for seconds, sequence in ((7, 1000), (8, 1200), (9, 3), (10, 203)):  # a driver restarts
+            image.header.stamp.sec, image.sequence = seconds, sequence
+            shown.append(view._image(unpacked(packed(image), TactileImage))[2]['rate'])
+        assert shown == pytest.approx([0.0, 200.0, 200.0, 200.0])
+
+
+@pytest.mark.parametrize('host', ['', '::', '1', 'yes', '"'])
+def test_any_address_reaches_the_node(host, monkeypatch, capsys):
+    def refuse(host, *_):
+        raise ConfigurationError(f'the address is {host!r}')
+    monkeypatch.setattr(view_module, 'Server', refuse)
+    assert main(['--host', host]) == 2
+    assert f'the address is {host!r}' in capsys.readouterr().err
 
 
 @pytest.mark.graph

@@ -84,7 +84,10 @@ class _Handler(BaseHTTPRequestHandler):
         if self.server.token:
             token = parse_qs(query).get('token', [''])[0]
             return secrets.compare_digest(token.encode(), self.server.token.encode())
-        name = urlsplit(f'//{self.headers.get("Host", "")}').hostname
+        try:
+            name = urlsplit(f'//{self.headers.get("Host", "")}').hostname
+        except ValueError:  # brackets without an address of IPv6
+            return False
         return is_local(name or '')
 
     def _answer(self, kind: str, body: bytes) -> None:
