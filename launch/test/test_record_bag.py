@@ -110,6 +110,19 @@ def test_of_several_robots_the_one_in_the_namespace_of_the_sensor_is_read(
         assert set(bag.name.values()) == {'image', 'joint_states'}
 
 
+def test_a_wrong_namespace_leaves_no_folder(tmp_path, capsys):
+    assert record_bag.main([str(tmp_path / 'bag'), '--namespace', 'a-b']) == 2
+    assert 'a-b' in capsys.readouterr().err and not (tmp_path / 'bag').exists()
+
+
+def test_a_clock_that_is_set_back_does_not_stop_the_saving(tmp_path, monkeypatch):
+    writer, saved = BagWriter(tmp_path / 'bag', topics('left')), []
+    monkeypatch.setattr(writer._storage, 'close_chunk', lambda: saved.append(True))
+    for seconds in (100, 50, 52):
+        writer.write('image', seconds * 10**9, b'')
+    assert len(saved) == 2
+
+
 @pytest.mark.graph
 def test_a_full_disk_is_the_last_line(tmp_path, monkeypatch, capfd):
     def write(*_):

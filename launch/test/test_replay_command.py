@@ -111,6 +111,12 @@ def test_what_is_wrong_is_refused_in_a_line(capsys, args, text):
     assert status == 2 and text in said and said.count('\n') == 1
 
 
+def test_a_wrong_option_leaves_no_folder(capsys, tmp_path):
+    status, said = run(
+        capsys, GOLDEN, '-o', tmp_path / 'out', '--set', 'edge_servo.tip_frame=nope')
+    assert status == 2 and 'nope' in said and not (tmp_path / 'out').exists()
+
+
 def test_tables_are_written_as_parquet_too(capsys, tmp_path):
     pytest.importorskip('pyarrow', reason='pyarrow is not installed: pip install pyarrow')
     from pyarrow import parquet

@@ -84,7 +84,7 @@ class BagWriter:
         """Write a message of the topic with a name, short or full; OSError if the disk is full."""
         if self._begun is None:
             self._begun = time_ns
-        elif time_ns - self._begun > 1e9 * CHUNK_PERIOD:
+        elif abs(time_ns - self._begun) > 1e9 * CHUNK_PERIOD:
             self._storage.close_chunk()
             self._storage.bio.flush()
             self._begun = time_ns
@@ -122,10 +122,10 @@ class RecorderNode(TactileNode):
         self._waiting = deque[tuple[str, int, bytes]]()
         self.written = self.dropped = 0
         self.failed = ''
-        self._writer = BagWriter(path, topics)
         self._needed = NEEDED & {short_name(name) for name, _, _ in topics}
         self._thread = threading.Thread(target=self._write_forever, name='bag writer')
         super().__init__('recorder', **kwargs)
+        self._writer = BagWriter(path, topics)  # not before the node's name has been accepted
         for name, kind, qos in topics:
             self.create_subscription(kind, name, partial(self._take, name), qos, raw=True)
         self._thread.start()

@@ -207,18 +207,17 @@ class Output:
     """
     Takes the results of a replay; `counts` are the numbers of messages by topic.
 
-    They are compared and, if there is a new folder, written to a recording and tables in it, which
-    the stack closes.
+    They are compared and, once there is a folder for them, written.
     """
 
-    def __init__(self, comparison: Comparison, folder: Path | None, namespace: str,
-                 stack: ExitStack):
+    def __init__(self, comparison: Comparison):
         self.counts: Counter[str] = Counter()
         self._comparison = comparison
         self._writer: BagWriter | None = None
         self._tables: dict[str, Any] = {}
-        if folder is None:
-            return
+
+    def write_to(self, folder: Path, namespace: str, stack: ExitStack) -> None:
+        """Make a new folder with a recording and tables, which the stack closes."""
         try:
             folder.mkdir(parents=True)
         except OSError as error:

@@ -143,14 +143,15 @@ class Replay:
             options.tolerances,
             COMPARED.keys() & self._made & self._reference.topic.keys() if self._compares else (),
             self.result.faults)
-        self.output = Output(
-            self._comparison, options.out, self.bag.prefix.strip('/'), stack)
+        self.output = Output(self._comparison)
+        self._make_cores(settings, with_servo)
+        if options.out:  # the options are right, so the folder is not made in vain
+            self.output.write_to(options.out, self.bag.prefix.strip('/'), stack)
         for node, values in settings.changed.items():  # also in the written recording
             self.output.copy('parameters', self.bag.span[0], packed(ParameterEvent(
                 node=f'{self.bag.prefix}/{node}', changed_parameters=[
                     Parameter(name, value=value).to_parameter_msg()
                     for name, value in values.items()])))
-        self._make_cores(settings, with_servo)
 
     def _bag_to_compare(self, path: str | None, stack: ExitStack) -> GraphBag:
         """Open the bag to compare with: its sensor of the same namespace, or its only one."""
