@@ -28,6 +28,7 @@ from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run
 from tactile_msgs.msg import Contact, SensorInfo, ServoReason, ServoStatus
 from tactile_servo.conversions import ACTIONS
+from tactile_servo.reasons import ReasonCode
 
 ASK_AGAIN = 1.0  # s between requests to resume, while the servo still holds
 BEATS = 5  # heartbeats per client timeout
@@ -160,13 +161,17 @@ class TrackNode(TactileNode):
         self._handle = future.result()
         if not self._handle.accepted:
             # A rejection contains no reason, but the status does.
-            self.create_subscription(
-                ServoStatus, 'servo_status',
-                lambda status: self._end(Exit.REFUSED, status.reason, status.reason_code), 1)
+            self.create_subscription(ServoStatus, 'servo_status', self._on_refusal, 1)
             return
         if self.cancelled:
             self._handle.cancel_goal_async()
         self._handle.get_result_async().add_done_callback(self._on_result)
+
+    def _on_refusal(self, status: ServoStatus) -> None:
+        code, reason = status.reason_code, status.reason
+        if status.state != ServoStatus.IDLE:  # then they are those of another goal
+            code, reason = ReasonCode.BUSY, ReasonCode.BUSY.text
+        self._end(Exit.REFUSED, reason, code)
 
     def _on_result(self, future: Any) -> None:
         status, self.result = future.result().status, future.result().result

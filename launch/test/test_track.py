@@ -86,6 +86,15 @@ def test_a_goal_cancelled_before_it_is_accepted_is_cancelled_then(graph):
     assert track.exit == Exit.NOT_TRACKED
 
 
+@pytest.mark.parametrize('state, reason', [
+    (ServoStatus.IDLE, 'goal rejected: too fast'),
+    (ServoStatus.TRACK, 'goal rejected: another one is active')])
+def test_a_refusal_has_its_own_reason_not_that_of_another_goal(graph, state, reason):
+    track = graph.add(TrackNode)
+    track._on_refusal(ServoStatus(state=state, reason='goal rejected: too fast'))
+    assert track.exit == Exit.REFUSED and track.reason == reason
+
+
 def test_a_servo_that_falls_silent_ends_the_client(graph, monkeypatch):
     monkeypatch.setattr(track_module, 'SILENCE', 0.5)
     servo, track = ready(graph)
