@@ -26,7 +26,7 @@ from tactile_common.command_line import Parser, refusing, to_json
 from tactile_common.config import bounded, documented
 from tactile_common.errors import TactileError
 from tactile_common.ros.cdr import unpacked
-from tactile_common.ros.conversions import set_stamp, stamp_to_ns
+from tactile_common.ros.conversions import name_in, set_stamp, stamp_to_ns
 from tactile_common.ros.node import TactileNode
 from tactile_common.ros.parameters import declare_from
 from tactile_common.ros.runner import run, split_ros_args
@@ -161,18 +161,13 @@ def _contact(message: Any) -> dict[str, Any]:
     elif message.type == ContactType.OTHER and math.isfinite(centre.x):
         place = {'x': centre.x, 'y': centre.y, 'yaw': math.nan}
     return {
-        'type': _name(ContactType, message.type), 'place': place, 'force': message.normal_force,
+        'type': name_in(ContactType, message.type), 'place': place, 'force': message.normal_force,
         'reasons': ', '.join(str(it.name).lower() for it in Reason if message.reasons & it)}
 
 
 def _status(message: Any) -> dict[str, Any]:
-    return {'state': _name(State, message.state), 'reason': message.reason,
+    return {'state': name_in(State, message.state), 'reason': message.reason,
             'speed': message.speed, 'progress': message.progress}
-
-
-def _name(kind: Any, number: int) -> str:
-    """Return the name of a number in a message, which may come from another version."""
-    return kind(number).name.lower() if number in iter(kind) else str(number)
 
 
 def drawn(header: Any, shades: np.ndarray, pitch: list[float], place: dict[str, Any] | None

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from recorded_run import TOPICS, with_columns, write_bag
 
+from edge_tracking.recording import run as run_module
 from edge_tracking.recording.run import read_run
 from edge_tracking.recording.summary import Shown, summarise, summarise_recording, truth
 from edge_tracking.report import charts
@@ -266,13 +267,28 @@ def test_a_surface_that_was_touched_is_drawn(run, scene, tmp_path):
     np.testing.assert_allclose(second[-20:], 1.0 / radius, rtol=0.02)
 
 
-@pytest.mark.parametrize('state', list(State))
+@pytest.mark.parametrize('state', [*State, 42])  # 42: of another version
 def test_report_of_a_run_in_one_state(run, scene, tmp_path, state):
     stuck = dataclasses.replace(run, statuses=with_columns(
         run.statuses, state=np.full_like(run.statuses.state, state)))
     summary = summarise(stuck, scene)
     report(tmp_path / 'report.html', stuck, summary, scene, truth(stuck, scene))
     read_page(tmp_path / 'report.html')
+
+
+def test_latencies_below_zero_are_drawn(run):
+    blind = dataclasses.replace(run, images=run_module._images([]), info=dataclasses.replace(
+        run.info, acquisition_delay=1.0), stamps={**run.stamps, 'image': np.empty(0, int)})
+    it, = charts.latency(Shown('bag', blind, summarise(blind)))
+    assert unpacked(it['series'][0]['x'], '<f4')[-1] == 0.0
+
+
+def test_a_single_cycle_of_a_goal_has_a_time_axis(run):
+    state = np.zeros_like(run.statuses.state)
+    state[100] = State.TRACK
+    one = dataclasses.replace(run, statuses=with_columns(run.statuses, state=state))
+    assert [it['domain'] for it in charts.over_time(Shown('bag', one, summarise(one)))] == (
+        3 * [None])
 
 
 @pytest.mark.parametrize('kept', range(len(TOPICS)))

@@ -8,6 +8,7 @@ import pytest
 import recorded_run as made
 
 from edge_tracking.recording.summary import (
+    describe_recording,
     force_unit,
     latencies,
     loads_of,
@@ -34,6 +35,12 @@ DESIGN_KEYS = {
 def changed(run, **statuses):
     """Return the run with columns of its statuses replaced."""
     return dataclasses.replace(run, statuses=made.with_columns(run.statuses, **statuses))
+
+
+def test_a_recording_without_a_load_or_a_rate_is_described_without_them(run):
+    summary = {**summarise_recording(run), 'force_max': 0.0, 'force_max_centre': [np.nan] * 2}
+    assert describe_recording(summary).endswith('line')
+    assert '16 x 16, 0 lost' in describe_recording({**summary, 'sensor_rate': np.nan})
 
 
 def test_summary_of_a_run(run, scene):

@@ -10,6 +10,7 @@ import numpy as np
 
 from edge_tracking.recording.run import CONTACTS, read_run, RunData
 from tactile_common.errors import ConfigurationError, TactileError
+from tactile_common.ros.conversions import name_in
 from tactile_sensing.image import image_moments
 from tactile_sensing.types.contact import ContactType
 from tactile_servo.reasons import ReasonCode
@@ -48,7 +49,7 @@ class Stage(NamedTuple):
 
     begin: int  # stamps [ns]
     end: int
-    state: State
+    state: int
     reason: str
 
 
@@ -59,7 +60,7 @@ def stages(run: RunData) -> list[Stage]:
         return []
     changed = 1 + np.flatnonzero((state[1:] != state[:-1]) | (reason[1:] != reason[:-1]))
     return [Stage(int(stamps[first]), int(stamps[min(after, len(stamps) - 1)]),
-                  State(int(state[first])), str(reason[first]))
+                  int(state[first]), str(reason[first]))
             for first, after in pairwise([0, *changed, len(stamps)])]
 
 
@@ -203,11 +204,9 @@ def of_servo(run: RunData, scene: str) -> dict[str, Any]:
     last = {'state': 'idle', 'reason': 'the servo did not run', 'reason_code': 'none',
             'missed_cycles': 0}
     if active.size:
-        code = statuses.reason_code[active[-1]]
-        last = {'state': State(int(statuses.state[active[-1]])).name.lower(),
-                'reason': statuses.reason[active[-1]],
-                'reason_code': next(
-                    (it.name.lower() for it in ReasonCode if it == code), str(code)),
+        final = active[-1]
+        last = {'state': name_in(State, statuses.state[final]), 'reason': statuses.reason[final],
+                'reason_code': name_in(ReasonCode, statuses.reason_code[final]),
                 'missed_cycles': int(np.ptp(statuses.missed_cycles[active[[0, -1]]]))}
     return {
         **last,
@@ -285,12 +284,14 @@ def summarise_recording(run: RunData) -> dict[str, Any]:
 
 def describe_recording(summary: Mapping[str, Any]) -> str:
     """Return the summary of a recording as text."""
-    text = (f'{summary["frames"]} pictures of {summary["rows"]} x {summary["columns"]} at '
-            f'{summary["sensor_rate"]:.1f} Hz, {summary["lost_frames"]} lost; contacts: ')
+    text = f'{summary["frames"]} pictures of {summary["rows"]} x {summary["columns"]}'
+    if math.isfinite(summary['sensor_rate']):
+        text += f' at {summary["sensor_rate"]:.1f} Hz'
+    text += f', {summary["lost_frames"]} lost; contacts: '
     text += ', '.join(f'{count} {name}' for name, count in summary['contact_types'].items()
                       if count) or 'none'
-    if not math.isfinite(summary['force_max']):
-        return text
     (factor, unit), (x, y) = shown_unit(summary['force_unit']), summary['force_max_centre']
+    if not math.isfinite(x + y):  # no force, or an unknown one
+        return text
     return (f'{text}; largest force {factor * summary["force_max"]:.4g} {unit} at '
             f'({1e3 * x:+.2f}, {1e3 * y:+.2f}) mm')

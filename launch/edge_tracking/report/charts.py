@@ -9,6 +9,7 @@ from edge_tracking.recording.run import RunData
 from edge_tracking.recording.summary import held, newest, Shown
 from edge_tracking.web.page import levels, packed
 from tactile_common.polyline import arc_length
+from tactile_common.ros.conversions import name_in
 from tactile_sensing.types.contact import ContactType
 from tactile_servo.track_statistics import SETTLING_LENGTH
 from tactile_servo.types import State
@@ -19,7 +20,7 @@ MOST_POINTS = 4000  # per line; longer ones show smallest and largest value of e
 MAX_BYTES = 1_500_000  # of the images in a page; others are omitted
 MAX_RATE = 60.0  # images per second
 LEAST_ERROR = 5e-3  # mm, smallest range of an axis of errors
-SHADES = {
+SHADES: dict[int, str] = {
     State.APPROACH: '#eaf0f8', State.CORNER: '#fff4d6', State.SEARCH: '#fdebd3',
     State.RETREAT: '#dfe7ef', State.HOLD: '#fadcd9'}
 CORNERS = np.array([[-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1]])  # x and y of a closed square
@@ -87,7 +88,7 @@ def over_time(it: Shown) -> list[dict[str, Any]]:
     active = time[statuses.state != State.IDLE]
     bands = [[float(run.seconds(stage.begin)), float(run.seconds(stage.end)), SHADES[stage.state]]
              for stage in of_run.stages(run) if stage.state in SHADES]
-    common = {'bands': bands, 'domain': active[[0, -1]].tolist()}
+    common = {'bands': bands, 'domain': active[[0, -1]].tolist() if np.ptp(active) else None}
     off = 'off centre [mm]'
     return [
         chart("What is followed, from the pad's centre", 'time [s]', off, series, marks=begin,
@@ -127,7 +128,7 @@ def latency(it: Shown) -> list[dict[str, Any]]:
     """Return a histogram of the time from an image's last byte to the command that used it."""
     values, summary = 1e3 * of_run.latencies(it.run), it.summary
     period = 1e3 / summary['sensor_rate'] if summary['sensor_rate'] > 0 else np.nan
-    right = 1.1 * float(np.nanmax([period, np.percentile(values, 99.8)]))
+    right = 1.1 * float(np.nanmax([0.0, period, np.percentile(values, 99.8)]))
     left = min(0.0, float(values.min()))
     counts, edges = np.histogram(np.clip(values, left, right), np.linspace(left, right, 80))
     marks = [[True, float(at), text, colour] for at, text, colour in (
@@ -251,7 +252,7 @@ def player(run: RunData, stamps: np.ndarray) -> dict[str, Any]:
         'path': packed(held(
             run.poses.stamp_ns, run.poses.matrix[:, :3, 3], stamps, np.nan), '<f4'),
         'touched': packed(touched[thinned(len(touched), MOST_POINTS)], '<f4'),
-        'stages': [[stage.state.name.lower(), stage.reason] for stage in found],
+        'stages': [[name_in(State, stage.state), stage.reason] for stage in found],
         'stage': packed(newest(np.array([stage.begin for stage in found], np.int64), stamps),
                         '<i4'),
         'first': int(np.nanargmax(force)) if np.isfinite(force).any() else 0}

@@ -29,7 +29,9 @@ from tactile_common.command_line import (
     version_of_all,
 )
 from tactile_common.errors import ConfigurationError
+from tactile_common.ros.conversions import name_in
 from tactile_servo.laws.registry import DEFAULT, LAWS
+from tactile_servo.types import State
 from tactile_simulation.metrics import busy, percentile, rate, shown
 from tactile_simulation.scene import describe_scenes, load_scene
 
@@ -177,7 +179,7 @@ def _player(run: RunData, columns: int) -> Iterator[Section]:
 
 def _states(run: RunData) -> Iterator[Section]:
     rows = [(f'{run.seconds(stage.begin):.3f}', f'{1e-9 * (stage.end - stage.begin):.3f}',
-             stage.state.name.lower(), stage.reason) for stage in of_run.stages(run)]
+             name_in(State, stage.state), stage.reason) for stage in of_run.stages(run)]
     yield 'States', html.table(rows[:MOST_ROWS], ('from [s]', 'for [s]', 'state', 'reason')), (
         f'This run: {len(rows)} states' + (
             f', of which the first {MOST_ROWS} are listed.' if len(rows) > MOST_ROWS else '.'))

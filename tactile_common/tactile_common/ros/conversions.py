@@ -1,4 +1,6 @@
 """Conversions between ROS messages of time and pose and the values used by the core."""
+from collections.abc import Iterable
+from enum import Enum
 import math
 from typing import Any
 
@@ -29,6 +31,11 @@ def stamp_to_ns(stamp: Any) -> int:
 def stamp_to_seconds(stamp: Any) -> float:
     """Convert a stamp or duration to seconds."""
     return stamp.sec + 1e-9 * stamp.nanosec
+
+
+def name_in(kind: Iterable[Enum], number: int) -> str:
+    """Return the name in an enumeration of a message's number; of an unknown one its digits."""
+    return next((it.name.lower() for it in kind if it.value == number), str(number))
 
 
 def pose_from_msg(pose: Any) -> np.ndarray:
