@@ -94,3 +94,11 @@ def test_counts_beyond_the_calibration_are_refused(capfd):
     frames = np.rint(BASELINE + pressed(600.0)).astype(np.uint16)
     text = play(capfd, frames, *calibration(bits=8, baseline=50))
     assert 'values are outside 0 to 255, what `bits: 8` of pad.yaml allows' in text
+
+
+def test_a_demo_whose_recording_cannot_be_read_has_a_summary_of_its_reason(capfd, monkeypatch):
+    known = {'ok': False, 'reason': 'bag out/bag: ends at byte 5'}
+    monkeypatch.setattr(demo, 'run_scene', lambda _: (known, None))
+    assert demo.main(['--json']) == 1
+    out, err = capfd.readouterr()
+    assert json.loads(out) == known and err == 'demo: bag out/bag: ends at byte 5\n'

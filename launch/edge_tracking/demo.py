@@ -43,6 +43,7 @@ from tactile_common.ros.runner import freeze_heap, stop_on_signals
 from tactile_sensing.cli.options import add_shape
 from tactile_sensing.devices.recording import load_recording, MAX_RATE
 from tactile_servo.config import check_goal, ServoConfig
+from tactile_servo.conversions import ACTIONS
 from tactile_servo.laws.registry import DEFAULT, law_for, LAWS
 from tactile_servo.types import State
 from tactile_shape.contour.object_model import ObjectModel
@@ -53,9 +54,11 @@ from tactile_simulation.scene import describe_scenes, find_scene, load_scene
 from tactile_simulation.world import Scene
 
 RECORDING = 'a --recording'
-# Options that apply to one action, or to recordings, only.
-ONLY_FOR = {'pattern': 'track_surface', **dict.fromkeys(
-    ('calibration', 'pitch', 'rate', 'shape'), RECORDING)}
+# Options that apply to some actions, or to recordings, only.
+ONLY_FOR = {
+    'pattern': ('track_surface',),
+    **dict.fromkeys(('scene', 'law', 'speed', 'force', 'seed'), tuple(ACTIONS)),
+    **dict.fromkeys(('calibration', 'pitch', 'rate', 'shape'), (RECORDING,))}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -104,9 +107,11 @@ def out_folder(wanted: str | None, name: str) -> Path:
 
 def refuse_what_does_not_apply(options: argparse.Namespace, kind: str) -> None:
     """Raise a ConfigurationError for an option that does not apply to the action or recording."""
+    default = parser().get_default
     for name, of in ONLY_FOR.items():
-        if getattr(options, name) and of != kind:
-            raise ConfigurationError(f'--{name} does not apply to {kind}, but to {of}')
+        if getattr(options, name) != default(name) and kind not in of:
+            raise ConfigurationError(
+                f'--{name} does not apply to {kind}, but to {" and ".join(of)}')
 
 
 def check(options: argparse.Namespace, law: str) -> None:
@@ -201,7 +206,7 @@ def take_recording(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     recording = load_recording(
         options.recording, options.rate, options.shape and tuple(options.shape))
     calibration, counts = calibrated(options, recording)
-    check(options, options.law or DEFAULT)
+    check(options, DEFAULT)
     path = Path(options.recording)
     folder = out_folder(options.out, path.stem)
     record_frames(counts, recording.rate_hz, calibration, folder / 'bag',
@@ -221,6 +226,8 @@ def main(args: list[str] | None = None) -> int:
             command.status = INTERRUPTED if summary['reason'] == 'interrupted' else FAILED
         if len(summary) == 2:  # only the reason is known
             print(f'demo: {" ".join(summary["reason"].split())}', file=sys.stderr)
+            if options.json:
+                print(to_json(summary))
             return command.status
         text = to_json if options.json else describe_recording if options.recording else describe
         print(text(summary))
