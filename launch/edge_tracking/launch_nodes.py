@@ -16,7 +16,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from edge_tracking.launch_arguments import number
-from edge_tracking.parameters import check_file, driver_parameters, names_in
+from edge_tracking.parameters import check_file, driver_parameters, names_in, robot_namespace
 from edge_tracking.resources import NAMESPACE, share
 from edge_tracking.track import RESUMES
 from tactile_common.config import checked
@@ -55,8 +55,7 @@ class Nodes:
             self.robot = 'mock' if self.mock_sensor else 'real'
         robot = value['robot_namespace'].strip('/')
         if robot == 'auto':
-            own = self.robot != 'real' and value['namespace'].strip('/') != NAMESPACE
-            robot = value['namespace'].strip('/') if own else ''
+            robot = '' if self.robot == 'real' else robot_namespace(value['namespace'])
         self.robot_namespace = f'/{robot}'.rstrip('/')
         self.driver = driver_parameters(value)
         simulated = self.mock_sensor or self.robot != 'real'

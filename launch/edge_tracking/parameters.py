@@ -158,13 +158,20 @@ def main(args: list[str] | None = None) -> int:
         if not options.check:
             print(text_of_all(options.law))
             return command.status
-        warnings = check_file(options.check, names_in(options.namespace), options.law)
+        nodes = names_in(options.namespace, robot_namespace(options.namespace))
+        warnings = check_file(options.check, nodes, options.law)
         for text in warnings:
             print(f'parameters: {text}', file=sys.stderr)
         if not warnings:
             print(f'parameters: {options.check} is right', file=sys.stderr)
         command.status = int(bool(warnings))
     return command.status
+
+
+def robot_namespace(namespace: str) -> str:
+    """Return the namespace of a mock robot in a launch: the sensor's, or none by default."""
+    own = namespace.strip('/')
+    return '' if own == NAMESPACE else own
 
 
 def names_in(namespace: str, robot_namespace: str = '') -> dict[str, str]:

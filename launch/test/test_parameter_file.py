@@ -95,6 +95,12 @@ def test_unknown_nodes_are_warned_of_with_the_nearest_known_one(written, capsys)
     assert 'did you mean edge_servo?' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize('namespace, robot', [('robot1', '/robot1'), ('tactile', '')])
+def test_the_mock_robot_is_where_the_launch_starts_it(written, namespace, robot):
+    path = written(section(f'{robot}/mock_robot', 'use_sim_time: false'))
+    assert main(['--check', str(path), '--namespace', namespace]) == 0
+
+
 def test_parameters_of_the_other_law_are_known(written):
     path = written(section('/**/edge_servo', 'position: {segment_time: 0.1}'))
     assert check_file(path, TACTILE, 'trace') == []
