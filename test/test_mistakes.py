@@ -35,7 +35,7 @@ MISTAKES = [
     (demo, '--scene sphere_70', 'did you mean surfaces/sphere_70? shipped are'),
     (demo, '--pattern raster', '--pattern does not apply to track_edge, but to track_surface'),
     (demo, '--pitch 0.001', '--pitch does not apply to track_edge, but to a --recording'),
-    (composed, '--sensor flexitac', '--sensor flexitac needs --port'),
+    (composed, '--sensor flexitac', 'unrecognized arguments: --sensor flexitac'),
     (demo, '--scene metre.yaml',
      'straight is 200.0, must be between 0.0001 and 10 m; did you mean 0.2?'),
     (demo, '--scene key.yaml', "unknown key 'skn', must be one of name, description, edge, skin"),

@@ -15,7 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from edge_tracking.resources import NAMESPACE, share
 from tactile_common.ros.runner import make_executor, name_of, spin
 from tactile_sensing.nodes.contact_estimator import ContactEstimatorNode
-from tactile_sensing.nodes.driver import DriverConfig, DriverNode
+from tactile_sensing.nodes.driver import DriverNode
 from tactile_servo.laws.registry import DEFAULT
 from tactile_servo.nodes.servo import EdgeServoNode
 from tactile_simulation.nodes.mock_robot import MockRobotNode
@@ -83,11 +83,10 @@ def add_mocks(graph: Graph, port: str | Path, scene: str | Path, robot: str | Pa
     return graph.add(MockRobotNode, namespace='', robot_description=str(robot), scene=str(scene))
 
 
-def add_sensing(graph: Graph, port: str | Path, calibration: str | Path = '',
-                protocol: str = DriverConfig.protocol) -> None:
+def add_sensing(graph: Graph, port: str | Path, calibration: str | Path = '') -> None:
     """Add the contact estimator, then the driver, so that the estimator receives every image."""
     graph.add(ContactEstimatorNode)
-    graph.add(DriverNode, port=str(port), calibration=str(calibration), protocol=protocol)
+    graph.add(DriverNode, port=str(port), calibration=str(calibration))
 
 
 def add_servo(graph: Graph, robot: str | Path, law: str = DEFAULT, **parameters: Any) -> Node:
