@@ -3,6 +3,7 @@ import os
 import socket
 
 DOMAINS = range(1, 101)
+DISCOVERY = 7400, 7410  # DDS ports in domain 0: multicast, and the first participant's own
 _held: list[socket.socket] = []
 
 
@@ -23,8 +24,9 @@ def hold_domain() -> int:
         lock = socket.socket(socket.AF_UNIX)
         try:
             lock.bind(f'\0ros_domain_{domain}')
-            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-                probe.bind(('', 7400 + 250 * domain))  # DDS discovery port
+            for port in DISCOVERY:
+                with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                    probe.bind(('', port + 250 * domain))
         except OSError:
             lock.close()
             continue
