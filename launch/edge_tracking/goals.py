@@ -40,7 +40,8 @@ class TrackConfig:
     force: float = documented(5.0, 'normal force on the pad', 'N')
     direction: int = bounded(1, "+1 or -1 along the sensor's y, of an edge", '', -1, 1)
     length: float = documented(
-        0.0, f'way to track; 0 = until the edge ends, {1e3 * LINE_LENGTH:g} mm of a surface', 'm')
+        0.0, f'way to track; 0 = until the edge ends, {1e3 * LINE_LENGTH:g} mm of a line over a '
+        'surface without a duration', 'm')
     closed: bool = documented(False, 'end when the contour closes on its start')
     retreat: bool = documented(True, 'lift off at the end')
     client_timeout: float = bounded(

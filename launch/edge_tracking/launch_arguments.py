@@ -36,7 +36,7 @@ ARGUMENTS = (
      f'{law_for("track_surface")} for a surface', (*LAWS, 'auto')),
     ('speed', '0.03', 'along the edge, over the surface [m/s]'),
     ('force', '5.0', 'normal force on the pad [N]'),
-    ('length', '0.0', 'way to track [m]; 0 = until the edge ends, 60 mm of a surface'),
+    ('length', '0.0', 'way to track [m]; 0 = until the edge ends, 60 mm of a line over a surface'),
     ('pattern', 'line', 'way over a surface', tuple(PATTERNS)),
     ('start', 'auto', 'send the goal at once; auto: unless the robot is a real one',
      ('auto', *SWITCH)),

@@ -10,6 +10,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironment
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from edge_tracking.launch_arguments import SWITCH
 from edge_tracking.launch_interrupt import leave_interrupt_to_launch, PREFIX
 from edge_tracking.launch_nodes import ends_with, typed
 from edge_tracking.parameters import parameters_of
@@ -18,7 +19,6 @@ from edge_tracking.recording.topics import GraphBag
 from edge_tracking.replay import play_bag
 from edge_tracking.transport import local_environment
 
-SWITCH = ['true', 'false']
 # Package and first topic by node.
 ESTIMATORS = {'contact_estimator': ('tactile_sensing', 'contact'),
               'shape_estimator': ('tactile_shape', 'surface_patch')}
@@ -62,12 +62,13 @@ def generate_launch_description():
     return LaunchDescription([
         DeclareLaunchArgument('bag', description='folder, .mcap or .db3 file of a recording'),
         DeclareLaunchArgument('rate', default_value='1.0', description='times real time'),
-        DeclareLaunchArgument('loop', default_value='false', choices=SWITCH,
+        DeclareLaunchArgument('loop', default_value='false', choices=[*SWITCH],
                               description='begin anew at the end'),
-        DeclareLaunchArgument('start_paused', default_value='false', choices=SWITCH,
+        DeclareLaunchArgument('start_paused', default_value='false', choices=[*SWITCH],
                               description='wait for play_bag/pause false'),
-        DeclareLaunchArgument('view', default_value='false', choices=SWITCH,
+        DeclareLaunchArgument('view', default_value='false', choices=[*SWITCH],
                               description='show what is felt on a web page'),
         DeclareLaunchArgument('namespace', default_value='',
-                              description='of the sensor in a bag that has several'),
+                              description='of the sensor in a bag that has several; '
+                              'default: tactile'),
         OpaqueFunction(function=lambda it: [*actions(it)])])

@@ -92,6 +92,13 @@ def test_two_sensors_need_a_choice(tmp_path):
     assert len(read_run(path, '/right').contacts.stamp_ns)
 
 
+def test_of_several_sensors_the_one_of_the_default_namespace_is_taken(tmp_path):
+    path = write_bag(tmp_path / 'two', topics=[TOPICS[0], TOPICS[2]],
+                     rename={'/tactile/image': '/tactile/image',
+                             '/tactile/contact': '/right/contact'}.get)
+    assert read_run(path).namespace == '/tactile'
+
+
 def overwritten(path):
     file, = path.glob('*.mcap')
     data = bytearray(file.read_bytes())

@@ -124,7 +124,7 @@ def read_run(path: str | Path, namespace: str | None = None, *,
     Read a run from a rosbag2 recording: its folder, or one of its files.
 
     Without `joints` the joint states are not read. Raises a ConfigurationError if there is no
-    recording, or if it contains several sensors and no namespace is given.
+    recording, or if `GraphBag` cannot choose one of its sensors.
     """
     with GraphBag(path, namespace) as bag, bag.clear_errors():
         wanted = {topic: name for topic, name in bag.name.items()

@@ -68,8 +68,9 @@ class GraphBag(Bag):
     A bag of this graph, with its topics by their names; topics of another type are ignored.
 
     `prefix` is the namespace of the sensor, '' or with a slash; `topic` are the topics by name,
-    without empty ones, and `name` the names by topic. Raises a ConfigurationError if the bag
-    cannot be read, or has several sensors and no namespace is given.
+    without empty ones, and `name` the names by topic. Without a namespace the sensor in `tactile`
+    is taken, or the only one. Raises a ConfigurationError if the bag cannot be read, or has
+    several sensors and none of them is taken.
     """
 
     def __init__(self, path: str | PathLike, namespace: str | None = None):

@@ -54,7 +54,7 @@ def parser() -> argparse.ArgumentParser:
         help='that a field may differ by (default ' + ', '.join(
             f'{name}={value:g}' if name else f'{value:g}' for name, value in TOLERANCES.items())
         + ')')
-    add('--namespace', help='of the sensor in a bag that has several')
+    add('--namespace', help='of the sensor in a bag that has several; default: tactile')
     add('--jobs', type=between(1, 1000, kind=int), default=1, metavar='N',
         help='of many bags, replay as many at a time; those done before in OUT are skipped')
     add('--dask', default='', metavar='ADDRESS',

@@ -135,7 +135,7 @@ def parser() -> argparse.ArgumentParser:
     add('--start-paused', action='store_true', help='wait for ~/pause false')
     add('--wait-for', nargs='+', default=(), metavar='TOPIC',
         help='begin once somebody publishes each of these')
-    add('--namespace', help='of the sensor in a bag that has several')
+    add('--namespace', help='of the sensor in a bag that has several; default: tactile')
     return arguments
 
 

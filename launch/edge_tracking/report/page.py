@@ -235,7 +235,7 @@ def parser() -> argparse.ArgumentParser:
     add('-o', '--out', metavar='FILE.html', type=file_to_write('.html', '.htm'), required=True,
         help='page to write')
     add('--scene', help='scene that was simulated, for the true errors, see below')
-    add('--namespace', help='of the sensor, where a recording has several')
+    add('--namespace', help='of the sensor, where a recording has several; default: tactile')
     add('--json', action='store_true', help='print the summaries, one JSON object a line')
     return arguments
 
