@@ -96,6 +96,12 @@ def test_counts_beyond_the_calibration_are_refused(capfd):
     assert 'values are outside 0 to 255, what `bits: 8` of pad.yaml allows' in text
 
 
+def test_a_recording_has_no_goal_that_could_be_too_fast(capfd, tmp_path):
+    (tmp_path / 'slow.yaml').write_text(
+        '/**/edge_servo: {ros__parameters: {speed.max: 0.01}}')
+    check(play(capfd, pressed(0.8), '--pitch', '0.002', '--parameters', 'slow.yaml'))
+
+
 def test_a_demo_whose_recording_cannot_be_read_has_a_summary_of_its_reason(capfd, monkeypatch):
     known = {'ok': False, 'reason': 'bag out/bag: ends at byte 5'}
     monkeypatch.setattr(demo, 'run_scene', lambda _: (known, None))

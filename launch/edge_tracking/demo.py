@@ -114,13 +114,11 @@ def refuse_what_does_not_apply(options: argparse.Namespace, kind: str) -> None:
                 f'--{name} does not apply to {kind}, but to {" and ".join(of)}')
 
 
-def check(options: argparse.Namespace, law: str) -> None:
-    """Check parameters and goal; ConfigurationError if no node should start with them."""
+def check_parameters(options: argparse.Namespace, law: str) -> None:
+    """Check the parameter file; ConfigurationError if no node should start with it."""
     if options.parameters:
         for text in check_file(options.parameters, names_in(NAMESPACE), law):
             print(text, file=sys.stderr)
-    check_goal(options.speed, options.force, ParameterFile(
-        options.parameters or PARAMETERS).config(f'/{NAMESPACE}/edge_servo', ServoConfig))
 
 
 def run_scene(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
@@ -131,7 +129,9 @@ def run_scene(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     refuse_what_does_not_apply(options, scene.action)
     options.law = law_for(scene.action, options.law)
     scene.world()  # solves the skin of a round probe in advance
-    check(options, options.law)
+    check_parameters(options, options.law)
+    check_goal(options.speed, options.force, ParameterFile(
+        options.parameters or PARAMETERS).config(f'/{NAMESPACE}/edge_servo', ServoConfig))
     folder = out_folder(options.out, path.stem)
     domain = hold_domain()  # of its own, so that two graphs do not receive each other's data
     print(f'to listen along: ROS_DOMAIN_ID={domain}', file=sys.stderr)
@@ -206,7 +206,7 @@ def take_recording(options: argparse.Namespace) -> tuple[dict[str, Any], Path]:
     recording = load_recording(
         options.recording, options.rate, options.shape and tuple(options.shape))
     calibration, counts = calibrated(options, recording)
-    check(options, DEFAULT)
+    check_parameters(options, DEFAULT)
     path = Path(options.recording)
     folder = out_folder(options.out, path.stem)
     record_frames(counts, recording.rate_hz, calibration, folder / 'bag',
