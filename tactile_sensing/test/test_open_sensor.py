@@ -155,6 +155,23 @@ def test_what_does_not_come_is_explained(plug, monkeypatch):
         next(sensor)
 
 
+class SlowLine(Array):
+    """A line on which a frame takes 20 ms, as 60 tactels do at 115,200 bit/s."""
+
+    def write(self, data):
+        for part in (data[:-2], data[-2:]):
+            super().write(part)
+            time.sleep(0.02 * bool(data))
+
+
+def test_frames_of_a_slow_line_arrive(tmp_path):
+    array = SlowLine(tmp_path / 'port')
+    with open_sensor(str(array.link), rows=4, columns=6) as sensor:
+        images = [image for image, _ in zip(sensor, range(20), strict=False)]
+    array.unplug()
+    assert len(images) == 20 and sensor.frames.stalled < 3
+
+
 def test_a_reader_that_comes_late_gets_the_latest_images(plug):
     array = plug('csv_lines')
     with open_sensor(str(array.link), rows=4, columns=6, rate=RATE) as sensor:

@@ -39,8 +39,8 @@ def add_sensor(arguments: argparse.ArgumentParser, required: bool = False) -> No
         help='byte protocol (default: %(default)s)')
     add('--options', default='', metavar='TEXT', help='of the protocol, for instance '
         "'stamp=us checksum=true'")
-    add('--rate', type=between(0.1, 10e3, 'Hz'), default=200.0, metavar='HZ',
-        help='images a second, about (default: %(default)g)')
+    add('--rate', type=between(0.1, 10e3, 'Hz'), default=0.0, metavar='HZ',
+        help='images a second, about (default: unknown)')
     add('--baud', type=between(0, 12_000_000, 'bit/s', int), default=0, metavar='BAUD',
         help="line speed (default: the protocol's)")
 

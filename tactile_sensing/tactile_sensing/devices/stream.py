@@ -229,7 +229,7 @@ class SensorStream(Iterator[SensorImage], AbstractContextManager['SensorStream']
 
 
 def open_sensor(port: str, protocol: str = 'csv_lines', rows: int = 16, columns: int = 16,
-                rate: float = 200.0, **options: Any) -> SensorStream:
+                rate: float = 0.0, **options: Any) -> SensorStream:
     """
     Open a tactile array and return a stream to iterate over; it is also a context manager.
 
@@ -242,7 +242,8 @@ def open_sensor(port: str, protocol: str = 'csv_lines', rows: int = 16, columns:
     protocol : str
     rows, columns : int
     rate : float
-        Approximate image rate [Hz]; at most six times this rate is returned.
+        Approximate image rate [Hz]; at most six times this rate is returned, and no frame whose
+        bytes take three periods or more. 0: unknown.
     options
         `baud` [bit/s]; `kind`, the type of the counts; and the options of the protocol.
 
