@@ -172,6 +172,25 @@ def test_frames_of_a_slow_line_arrive(tmp_path):
     assert len(images) == 20 and sensor.frames.stalled < 3
 
 
+def test_a_rate_that_the_line_cannot_reach_is_explained(tmp_path, monkeypatch):
+    monkeypatch.setattr(stream, 'PATIENCE', 1.5)
+    array = SlowLine(tmp_path / 'port')
+    with open_sensor(str(array.link), rows=4, columns=6, rate=200.0) as sensor, pytest.raises(
+            TactileError, match='frames of 4x6 arrive on .*, but take 15 ms or longer'):
+        next(sensor)
+    array.unplug()
+    assert sensor.decoder.frames
+
+
+def test_a_sensor_that_falls_silent_ends_the_iteration(plug, monkeypatch):
+    monkeypatch.setattr(stream, 'PATIENCE', 1.5)
+    array = plug('csv_lines')
+    with open_sensor(str(array.link), rows=4, columns=6) as sensor, pytest.raises(
+            TactileError, match='is silent'):
+        for image in sensor:
+            array.device.running = image.sequence < 3
+
+
 def test_a_reader_that_comes_late_gets_the_latest_images(plug):
     array = plug('csv_lines')
     with open_sensor(str(array.link), rows=4, columns=6, rate=RATE) as sensor:

@@ -174,7 +174,7 @@ class FrameClock:
         behind = Counter(last_ns for *_, last_ns in frames)  # remaining frames of each read
         self._backlog += len(frames)
         waited_ns = 0 if caught_up_ns is None else now_ns - caught_up_ns
-        uncertain = (waited_ns >= self._stall_ns()
+        uncertain = (waited_ns >= self.stall_ns()
                      and waited_ns >= (self._backlog + MOST_MISSING) * self._period_ns)
         for frame, first_ns, last_ns in frames:
             behind[last_ns] -= 1
@@ -199,14 +199,15 @@ class FrameClock:
         while self._arrivals and self._arrivals[0][0] <= position:
             self._arrivals.popleft()
 
-    def _stall_ns(self) -> float:
+    def stall_ns(self) -> float:
+        """Return the time from which on the bytes of a frame take too long [ns]."""
         period_ns = self._nominal_ns or self._period_ns
         return max(STALL_PERIODS * period_ns, STALL_NS) if period_ns else NS
 
     def _judge(self, frame: Frame, first_ns: int, last_ns: int, read_ns: int) -> int | None:
         """Return the stamp of a frame [ns], None: rejected; `last_ns` is its assumed arrival."""
         took_ns = max(last_ns - first_ns, 0)
-        if took_ns >= self._stall_ns():
+        if took_ns >= self.stall_ns():
             self.stalled += 1
             return None
         stamp_ns = last_ns - max(took_ns - round(self._usual_ns), 0)

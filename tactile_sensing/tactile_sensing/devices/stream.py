@@ -29,7 +29,7 @@ LAG_NS = 100_000_000  # frames older by this than the newest of a read are disca
 BACK_OFF = 0.02, 0.5  # first and largest time between attempts to open the port [s]
 ASK_AGAIN = 2.0  # repeat the start command after this time without a frame: device restarted? [s]
 SILENCE = 1.0  # time without a byte or a frame after which this is reported [s]
-PATIENCE = 5.0  # longest wait for the first image [s]
+PATIENCE = 5.0  # longest wait for an image while the port is open [s]
 _USB = re.compile(r'usb:([0-9a-f]{4}):([0-9a-f]{4})(?::(.+))?', re.IGNORECASE)
 
 
@@ -74,8 +74,9 @@ class SensorStream(Iterator[SensorImage], AbstractContextManager['SensorStream']
     """
     Open the port of a sensor, start the sensor and read it; reopen the port whenever it is lost.
 
-    Iterate over its images until it is closed, or call `read`; it is also a context manager. For
-    the arguments see `open_sensor`. A baud of 0 and a kind of None mean those of the protocol. A
+    Iterate over its images until it is closed, or call `read`; it is also a context manager. The
+    iteration raises a TactileError if no image comes from an open port for `PATIENCE`. For the
+    arguments see `open_sensor`. A baud of 0 and a kind of None mean those of the protocol. A
     rate of 0 means unknown; the device is then asked for `USUAL_RATE`. `now_ns` is the clock of
     the stamps. `tell(text, gone)` is called whenever the port is opened or lost.
     """
@@ -96,6 +97,7 @@ class SensorStream(Iterator[SensorImage], AbstractContextManager['SensorStream']
         self.connections = 0  # how often the port was opened
         self.skipped = 0  # frames that were discarded because newer ones had arrived
         self.last_byte_at = self.last_frame_at = self._asked_at = time.monotonic()
+        self._stalled = 0  # frames that were rejected before the last image
         self._back_off, self._news = BACK_OFF[0], False
         self._line: serial.Serial | None = None
         self._device = ''  # path of the open port without links
@@ -114,8 +116,9 @@ class SensorStream(Iterator[SensorImage], AbstractContextManager['SensorStream']
             if self.closed.is_set():
                 raise StopIteration
             self._images = self.read()[::-1]
-            if not self.decoder.frames and time.monotonic() - begin > PATIENCE:
-                raise TactileError(self.trouble() or 'no image')
+            since = max(begin, self.last_frame_at)
+            if not (self._images or self.fault) and time.monotonic() - since > PATIENCE:
+                raise TactileError(self.trouble())
         return self._images.pop()
 
     def forget(self) -> None:
@@ -167,7 +170,7 @@ class SensorStream(Iterator[SensorImage], AbstractContextManager['SensorStream']
             data, now_ns, now_ns - round(1e9 * (now - self._caught_up_at)))
         if not frames:
             return []
-        self.last_frame_at = now
+        self.last_frame_at, self._stalled = now, self.frames.stalled
         # A slow reader gets only the latest images.
         recent = [item for item in frames if frames[-1].stamp_ns - item.stamp_ns < LAG_NS]
         self.skipped += len(frames) - len(recent)
@@ -183,6 +186,10 @@ class SensorStream(Iterator[SensorImage], AbstractContextManager['SensorStream']
         if now - self.last_frame_at <= SILENCE:
             return ''
         rows, columns = self.decoder.shape
+        if self.frames.stalled > self._stalled:
+            return (f'frames of {rows}x{columns} arrive on {self.port}, but take '
+                    f'{1e-6 * self.frames.stall_ns():.0f} ms or longer, too long at the stated '
+                    'rate: lower it, or raise the line speed')
         reason = self.decoder.explain() or (
             f'wrong protocol, size or line speed ({self._baud} bit/s); they end with '
             f'{self._last!r}')
