@@ -24,6 +24,7 @@ from tactile_msgs.msg import TactileImage
 from tactile_sensing.contact.estimator import ContactEstimator, EstimatorConfig
 from tactile_sensing.conversions import image_from_msg
 from tactile_sensing.devices.calibration import Calibration, load_calibration
+from tactile_sensing.nodes import driver
 
 SHAPE = (3, 4)
 CALIBRATION = Calibration.uncalibrated(*SHAPE, 0.002, bits=10, resolution=0.5)
@@ -97,6 +98,20 @@ def test_a_manager_starts_and_stops_it():
         assert change(bench, Transition.TRANSITION_ACTIVATE)
         bench.images.clear()
         bench.until(lambda: bench.images, 'an image', send)
+
+
+@pytest.mark.parametrize('parameters, reason', [
+    ({'topic': '/my-sensor/image'}, '/my-sensor/image cannot be read: failed to resolve name'),
+    ({'port': '/dev/none'}, '/dev/none cannot be read: a protocol failed')])
+def test_a_source_that_cannot_be_opened_is_explained(parameters, reason, capfd, monkeypatch):
+    def fail(*_, **__):
+        raise ValueError('a protocol\nfailed')
+    monkeypatch.setattr(driver, 'SensorStream', fail)
+    with Bench(CALIBRATION, **parameters) as bench:
+        bench.until(lambda: bench.shows('not active'), 'a report')
+        assert not change(bench, Transition.TRANSITION_ACTIVATE)
+    lines = capfd.readouterr().err.splitlines()
+    assert sum(reason in line for line in lines) == 2
 
 
 def test_drift_is_followed_while_nothing_touches():

@@ -178,12 +178,22 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Start to read the sensor and to publish."""
-        calibration = self._converter.calibration
         self._publish_info()
+        try:
+            self._open()
+        except Exception as error:  # a protocol of another package may raise anything
+            self.get_logger().error(
+                f'{self._config.topic or self._config.port} cannot be read: '
+                + ' '.join(str(error).split()))
+            return FAILURE
+        return SUCCESS
+
+    def _open(self) -> None:
+        calibration = self._converter.calibration
         if self._config.topic:
             self.source = ImageTopic(
                 self, self._config.topic, calibration.raw_shape, self._on_counts)
-            return SUCCESS
+            return
         self.source = SensorStream(
             self._config.port, self._config.protocol, calibration.raw_shape,
             kind=calibration.counts.dtype, rate=calibration.nominal_rate,
@@ -193,7 +203,6 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         self._thread = threading.Thread(
             target=self._read_forever, args=(self.source,), name='tactile driver', daemon=True)
         self._thread.start()
-        return SUCCESS
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
         """Close the port; abandon the reader thread if its port hangs."""
