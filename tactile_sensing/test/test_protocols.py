@@ -227,9 +227,10 @@ def test_frames_of_another_array_are_explained(case):
     assert same.explain() == ''
 
 
-def test_times_of_the_device_go_on_where_its_clock_begins_again():
+@pytest.mark.parametrize('bits', [32, 64])
+def test_times_of_the_device_go_on_where_its_clock_begins_again(bits):
     decoder = CsvDecoder(1, 2, stamp='us')
-    data = b'\n' + b''.join(b'%d,1,2\n' % (tick % 2**32) for tick in range(2**32 - 2, 2**32 + 3))
+    data = b'\n' + b''.join(b'%d,1,2\n' % (tick % 2**bits) for tick in range(2**32 - 2, 2**32 + 3))
     times = [frame.device_ns for frame in frames_of(decoder, data)]
     assert np.diff(times).tolist() == [1000] * 4
 

@@ -94,9 +94,7 @@ class CsvDecoder(LineDecoder):
                                     f'modulo {MODULUS}: see the option `checksum`', failed=True)
         if not self._stamped:
             return self._image(values, size)
-        if not 0 <= values[0] < self.wrap:
-            return Piece(size, good=False)
-        return self._image(values[1:], size, int(values[0]))
+        return self._image(values[1:], size, int(values[0]) % self.wrap)
 
 
 class CsvDevice(Device):
