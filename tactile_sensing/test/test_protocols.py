@@ -330,10 +330,13 @@ def test_a_tag_of_a_finger():
     ('csv_lines', 'checksum=7', 'option checksum is .7., must be of the type bool'),
     ('csv_lines', 'sum=1', 'csv_lines has no option .sum., there are: stamp, checksum'),
     ('flexitac', 'a=1', 'there are: none'),
-    ('weiss_wts', 'first=10 cells=12', 'first is 10, must be from 0 to -12 of 12 cells')])
+    ('weiss_wts', 'first=10 cells=12', 'first is 10, must be from 0 to -12 of 12 cells'),
+    ('robotiq_tsf85', 'finger=5', 'finger is 5, must be 0 or 1'),
+    ('robotiq_tsf85', {'finger': 0.7}, 'option finger is 0.7, must be of the type int')])
 def test_options_that_are_wrong(name, text, reason):
+    row = protocol_named(name)
     with pytest.raises(ConfigurationError, match=reason):
-        protocol_named(name).decoder(4, 6, np.uint16, **options_of(name, text))
+        row.decoder(*(row.shape or (4, 6)), np.uint16, **options_of(name, text))
 
 
 # Another package adds a protocol by an entry point.

@@ -66,6 +66,8 @@ def options_of(name: str, given: str | Mapping[str, Any]) -> dict[str, Any]:
         try:
             of_text = kind is bool and isinstance(value, str)
             values[key] = words[value.lower()] if of_text else kind(value)
+            if not isinstance(value, str) and values[key] != value:
+                raise ValueError
         except (KeyError, TypeError, ValueError):
             raise ConfigurationError(
                 f'option {key} is {value!r}, must be of the type {kind.__name__}') from None

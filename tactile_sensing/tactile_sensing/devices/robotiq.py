@@ -40,6 +40,8 @@ class TsfDecoder(PacketDecoder):
         super().__init__(rows, columns, kind)
         if (rows, columns) != SHAPE:
             raise ConfigurationError(f'the array is {rows}x{columns}, of this sensor it is 7x4')
+        if finger not in (0, 1):
+            raise ConfigurationError(f'finger is {finger}, must be 0 or 1')
         self._finger = finger
 
     def start(self, rate: float) -> bytes:
