@@ -311,6 +311,8 @@ def test_commands_are_answered_and_refusals_explained():
         (0x21, 0), (0x77, weiss.NO_COMMAND)]
     assert '0x77 with status 4' in decoder.explain()
     assert device.running
+    assert frames_of(decoder, device.encode(np.zeros((4, 6), int)))
+    assert decoder.explain() == ''
     device.answer(decoder.stop())
     assert not device.running
 

@@ -92,7 +92,7 @@ class Decoder:
         return None
 
     def explain(self) -> str:
-        """Return why the received bytes make no frame; empty if unknown."""
+        """Return why the bytes since the last frame make none; empty if unknown."""
         return self._mismatch
 
     def start(self, rate: float) -> bytes:
@@ -156,7 +156,7 @@ class Decoder:
                       self._origin - piece.size + self.announced, self._origin,
                       None if piece.ticks is None else self._device_ns)
         self.frames += 1
-        self.locked = True
+        self.locked, self._mismatch = True, ''
         return frame
 
     def _drop(self, count: int) -> None:
