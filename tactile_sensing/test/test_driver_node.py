@@ -128,6 +128,11 @@ def test_tare_on_request(graph):
                  and graph.images[-1].layers[0].stress[0] > 2.0)
     np.testing.assert_array_equal(graph.images[-1].layers[0].stress, 3.0)
     graph.until(lambda: stamp_to_ns(graph.infos[-1].tared_at) > 0, 'sensor_info of the tare')
+    before = graph.infos[-1]
+    graph.driver.trigger_deactivate()
+    graph.driver.trigger_activate()
+    graph.until(lambda: graph.infos[-1] is not before, 'sensor_info of the activation')
+    assert graph.infos[-1].tared_at == before.tared_at
 
 
 def test_tare_is_refused_under_load_and_without_frames(graph):

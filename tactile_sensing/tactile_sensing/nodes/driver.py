@@ -165,6 +165,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
             get_package_share_directory('tactile_sensing'), 'config', protocol.calibration))
         protocol.decoder(*calibration.raw_shape, calibration.counts.dtype, **self._options)
         self._converter = ImageConverter(calibration, config.tare_at_start, config.track_drift)
+        self._tared_at_ns = 0  # 0: not yet
         self._delay_ns = round(calibration.acquisition_delay * 1e9)
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
@@ -260,13 +261,14 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
                 self._on_tared(tare)
 
     def _on_tared(self, tare: Tare) -> None:
+        self._tared_at_ns = self.get_clock().now().nanoseconds
         self._publish_info()
         self.get_logger().info(f'tared, noise {tare.noise_std:.2f} counts')
 
     def _publish_info(self) -> None:
         now_ns, tare = self.get_clock().now().nanoseconds, self._converter.tare
         self._infos.publish(sensor_info_to_msg(self._converter.calibration.sensor_info(
-            self._config.sensor, self._config.frame_id, now_ns, tare, now_ns if tare else 0)))
+            self._config.sensor, self._config.frame_id, now_ns, tare, self._tared_at_ns)))
 
     def _on_tare(self, _: Any, response: Any) -> Any:
         # The recent images are used: waiting for new ones in a callback would block a
