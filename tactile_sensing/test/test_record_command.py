@@ -58,6 +58,14 @@ def test_a_recording_is_what_the_other_commands_read(port, tmp_path, capsys):
     assert '8 8' not in capsys.readouterr().err
 
 
+def test_the_rate_is_that_of_the_images_that_are_kept():
+    """Every third one of 90 Hz is kept, as of a sensor that is faster than six times its rate."""
+    arrays, lost = record.record(
+        (SensorImage(k * 100_000_000 // 9, k, np.zeros((2, 2))) for k in range(0, 91, 3)), 1.0)
+    assert len(arrays['frames']) == 31 and lost == 60
+    assert arrays['rate_hz'] == pytest.approx(30.0)
+
+
 def test_a_drawing_shows_where_it_is_pressed(capsys):
     press = 100.0 * np.eye(3)
     images = [SensorImage(k, k, np.rint(k * press + 7).astype(int)) for k in range(2)]

@@ -57,8 +57,13 @@ def look(images: Iterable[SensorImage]) -> None:
                 f'{image.counts.min()} to {image.counts.max()}; Ctrl-C ends\n')
 
 
-def record(images: Iterable[SensorImage], seconds: float) -> dict[str, np.ndarray]:
-    """Record images for some seconds; return the arrays `frames`, `stamps_ns` and `rate_hz`."""
+def record(images: Iterable[SensorImage], seconds: float) -> tuple[dict[str, np.ndarray], int]:
+    """
+    Record images for some seconds.
+
+    Returns the arrays `frames`, `stamps_ns` and `rate_hz`, and how many images are missing between
+    the first and the last one.
+    """
     kept: list[SensorImage] = []
     try:
         for image in images:
@@ -71,10 +76,10 @@ def record(images: Iterable[SensorImage], seconds: float) -> dict[str, np.ndarra
     if len(kept) < 2:
         raise ConfigurationError('no image came')
     stamps = np.array([image.stamp_ns for image in kept])
-    missed = kept[-1].sequence - kept[0].sequence + 1 - len(kept)
-    rate = (len(kept) - 1 + missed) / (1e-9 * (stamps[-1] - stamps[0]))
+    lost = kept[-1].sequence - kept[0].sequence + 1 - len(kept)
+    rate = (len(kept) - 1) / (1e-9 * (stamps[-1] - stamps[0]))
     return {'frames': np.array([image.counts for image in kept]), 'stamps_ns': stamps,
-            'rate_hz': np.array(rate)}
+            'rate_hz': np.array(rate)}, lost
 
 
 def run(options: argparse.Namespace) -> str:
@@ -84,8 +89,7 @@ def run(options: argparse.Namespace) -> str:
         if not options.file:
             look(sensor)
             return ''
-        arrays = record(sensor, options.seconds)
-        lost = sensor.decoder.lost_frames + sensor.skipped
+        arrays, lost = record(sensor, options.seconds)
     if pitch_x > 0.0 and pitch_x == pitch_y:
         arrays['pitch_m'] = np.array(pitch_x)
     np.savez_compressed(options.file, **arrays)  # type: ignore[arg-type]
