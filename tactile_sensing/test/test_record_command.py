@@ -58,6 +58,13 @@ def test_a_recording_is_what_the_other_commands_read(port, tmp_path, capsys):
     assert '8 8' not in capsys.readouterr().err
 
 
+def test_a_recording_that_is_full_says_so(port, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(record, 'MOST', 10 * 64 * 4)
+    assert record.main([str(tmp_path / 'x.npz'), '--port', port[0], '--shape', '8', '8']) == 0
+    text = capsys.readouterr().err
+    assert ' 11 images' in text and 'lost; ended early, as more than' in text
+
+
 def test_the_rate_is_that_of_the_images_that_are_kept():
     """Every third one of 90 Hz is kept, as of a sensor that is faster than six times its rate."""
     arrays, lost = record.record(
@@ -103,6 +110,8 @@ def test_calibrate_asks_for_presses_of_a_port(port, tmp_path, monkeypatch, capsy
     (['none/x.npz', '--port', '/dev/none', '--shape', '8', '8'], 'there is no such folder'),
     (['--port', '/dev/none', '--shape', '8', '8'], '/dev/none is not there; serial'),
     (['--port', '/dev/none'], '--shape'),
+    (['--port', '/dev/none', '--shape', '8', '8', '--pitch', '.002', '.003'],
+     '--pitch is 0.002 0.003, a recording holds only one length'),
     (['--port', '/dev/none', '--shape', '8', '8', '--options', 'a=1'], "no option 'a'")])
 def test_wrong_arguments(arguments, reason, capsys):
     assert record.main(arguments) == 2

@@ -15,6 +15,7 @@ from tactile_sensing.devices.frame_clock import SensorImage
 
 SHADES = ' .:-=+*#%@'
 DRAW_PERIOD = 0.2  # time between drawings [s]
+MOST = MAX_WHOLE // 2  # bytes of frames that are recorded
 CLEAR = '\x1b[H\x1b[J'  # moves the cursor of a terminal to the top left and clears the screen
 
 
@@ -69,7 +70,7 @@ def record(images: Iterable[SensorImage], seconds: float) -> tuple[dict[str, np.
         for image in images:
             kept.append(image)
             if image.stamp_ns - kept[0].stamp_ns >= 1e9 * seconds or (
-                    len(kept) * image.counts.nbytes > MAX_WHOLE // 2):
+                    len(kept) * image.counts.nbytes > MOST):
                 break
     except KeyboardInterrupt:  # keep the images so far
         pass
@@ -85,16 +86,21 @@ def record(images: Iterable[SensorImage], seconds: float) -> tuple[dict[str, np.
 def run(options: argparse.Namespace) -> str:
     """Show or record; return the summary."""
     pitch_x, pitch_y = pitch_pair(options.pitch) if options.pitch else (0.0, 0.0)
+    if pitch_x != pitch_y:
+        raise ConfigurationError(
+            f'--pitch is {pitch_x:g} {pitch_y:g}, a recording holds only one length: give both to '
+            '`calibrate` or `estimate`')
     with opened(options) as sensor:
         if not options.file:
             look(sensor)
             return ''
         arrays, lost = record(sensor, options.seconds)
-    if pitch_x > 0.0 and pitch_x == pitch_y:
+    if options.pitch:
         arrays['pitch_m'] = np.array(pitch_x)
     np.savez_compressed(options.file, **arrays)  # type: ignore[arg-type]
     return (f'{options.file}: {len(arrays["frames"])} images at {arrays["rate_hz"]:.1f} Hz, '
-            f'{lost} lost')
+            f'{lost} lost' + (arrays['frames'].nbytes > MOST) * (
+                f'; ended early, as more than {MOST / 1e6:.0f} MB of frames are not recorded'))
 
 
 def main(args: list[str] | None = None) -> int:
