@@ -60,7 +60,8 @@ def test_a_recording_is_what_the_other_commands_read(port, tmp_path, capsys):
 
 def test_a_recording_that_is_full_says_so(port, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(record, 'MOST', 10 * 64 * 4)
-    assert record.main([str(tmp_path / 'x.npz'), '--port', port[0], '--shape', '8', '8']) == 0
+    assert record.main([str(tmp_path / 'x.NPZ'), '--port', port[0], '--shape', '8', '8']) == 0
+    assert [path.name for path in tmp_path.iterdir() if path.name != 'port'] == ['x.NPZ']
     text = capsys.readouterr().err
     assert ' 11 images' in text and 'lost; ended early, as more than' in text
 

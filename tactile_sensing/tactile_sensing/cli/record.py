@@ -8,7 +8,7 @@ import numpy as np
 
 from tactile_common.command_line import between, file_to_write, Parser, run_command
 from tactile_common.errors import ConfigurationError
-from tactile_common.npz_stream import MAX_WHOLE
+from tactile_common.npz_stream import MAX_WHOLE, write_arrays
 from tactile_sensing.cli.options import add_pitch, add_sensor, add_shape, opened
 from tactile_sensing.devices.calibration import pitch_pair
 from tactile_sensing.devices.frame_clock import SensorImage
@@ -97,7 +97,7 @@ def run(options: argparse.Namespace) -> str:
         arrays, lost = record(sensor, options.seconds)
     if options.pitch:
         arrays['pitch_m'] = np.array(pitch_x)
-    np.savez_compressed(options.file, **arrays)  # type: ignore[arg-type]
+    write_arrays(options.file, **arrays)
     return (f'{options.file}: {len(arrays["frames"])} images at {arrays["rate_hz"]:.1f} Hz, '
             f'{lost} lost' + (arrays['frames'].nbytes > MOST) * (
                 f'; ended early, as more than {MOST / 1e6:.0f} MB of frames are not recorded'))
