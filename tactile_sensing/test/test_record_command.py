@@ -8,6 +8,7 @@ from terminal import Terminal
 
 from tactile_sensing.calibration import recorder
 from tactile_sensing.cli import calibrate, record
+from tactile_sensing.devices.flexitac import FlexiTacDevice
 from tactile_sensing.devices.frame_clock import SensorImage
 from tactile_sensing.devices.lines import CsvDevice
 from tactile_sensing.devices.recording import load_recording
@@ -64,6 +65,31 @@ def test_a_recording_that_is_full_says_so(port, tmp_path, monkeypatch, capsys):
     assert [path.name for path in tmp_path.iterdir() if path.name != 'port'] == ['x.NPZ']
     text = capsys.readouterr().err
     assert ' 11 images' in text and 'lost; ended early, as more than' in text
+
+
+@pytest.mark.parametrize('bits, signed, kind', [
+    ('8', 'no', np.uint8), ('8', 'yes', np.int8), ('12', 'no', np.uint16),
+    ('12', 'yes', np.int16)])
+def test_counts_of_every_converter_are_recorded(tmp_path, bits, signed, kind):
+    terminal, counts = Terminal(tmp_path / 'port'), np.full((2, 3), 100, kind)
+    end = threading.Event()
+
+    def run():
+        terminal.write(FlexiTacDevice.preamble)
+        while not end.wait(0.01):
+            terminal.write(FlexiTacDevice().encode(counts))
+    thread = threading.Thread(target=run)
+    thread.start()
+    path = tmp_path / 'x.npz'
+    status = record.main([
+        str(path), '--port', str(terminal.link), '--protocol', 'flexitac', '--shape', '2', '3',
+        '--seconds', '0.2', '--bits', bits, '--signed', signed])
+    end.set()
+    thread.join()
+    terminal.unplug()
+    assert status == 0
+    frames = load_recording(path).frames
+    assert frames.dtype == kind and np.all(frames == 100)
 
 
 def test_the_rate_is_that_of_the_images_that_are_kept():

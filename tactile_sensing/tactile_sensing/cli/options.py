@@ -4,10 +4,13 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tactile_common.command_line import between, reading_bags
 from tactile_common.errors import ConfigurationError
+from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.recording import FrameReader, Shape
-from tactile_sensing.devices.registry import options_of, PROTOCOLS
+from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 from tactile_sensing.devices.stream import open_sensor, SensorStream
 from tactile_sensing.types.array import PITCH
 
@@ -31,7 +34,7 @@ def add_shape(arguments: argparse.ArgumentParser, required: bool = False) -> Non
 
 
 def add_sensor(arguments: argparse.ArgumentParser, required: bool = False) -> None:
-    """Add the options that `opened` reads, except `--shape`."""
+    """Add the options that `opened` reads, except `--shape`, `--bits` and `--signed`."""
     add = arguments.add_argument
     add('--port', required=required, metavar='PORT', help='serial port of the sensor, for '
         'instance /dev/ttyUSB0')
@@ -49,9 +52,13 @@ def opened(options: argparse.Namespace) -> SensorStream:
     """Open the sensor of the options; raise the errors of `open_sensor`."""
     if not options.shape:
         raise ConfigurationError('--shape R C is missing: rows and columns of the sensor')
-    rows, columns = options.shape
+    (rows, columns), kind = options.shape, protocol_named(options.protocol).kind
+    if options.bits:
+        counts = Counts(options.bits, options.signed == 'yes').dtype
+        kind = kind if np.can_cast(counts, kind) else counts  # lines of text carry any counts
     return open_sensor(options.port, options.protocol, rows, columns, options.rate,
-                       baud=options.baud, **options_of(options.protocol, options.options))
+                       baud=options.baud, kind=kind,
+                       **options_of(options.protocol, options.options))
 
 
 def is_bag(path: str) -> bool:

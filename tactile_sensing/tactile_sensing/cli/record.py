@@ -11,6 +11,7 @@ from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import MAX_WHOLE, write_arrays
 from tactile_sensing.cli.options import add_pitch, add_sensor, add_shape, opened
 from tactile_sensing.devices.calibration import pitch_pair
+from tactile_sensing.devices.counts import MAX_BITS
 from tactile_sensing.devices.frame_clock import SensorImage
 
 SHADES = ' .:-=+*#%@'
@@ -33,6 +34,10 @@ def parser() -> argparse.ArgumentParser:
     add_sensor(arguments, required=True)
     add_shape(arguments, required=True)
     add_pitch(arguments)
+    arguments.add_argument('--bits', metavar='N', type=between(1, MAX_BITS, kind=int),
+                           help="of the converter (default: as many as the protocol's)")
+    arguments.add_argument('--signed', choices=('yes', 'no'), default='no',
+                           help='counts, where --bits is given (default: %(default)s)')
     arguments.add_argument('--seconds', type=between(0.1, 3600.0, 's'), default=10.0, metavar='S',
                            help='to record (default: %(default)g)')
     return arguments
