@@ -30,7 +30,7 @@ class Piece(NamedTuple):
     counts: np.ndarray | None = None  # shape (rows, columns); None: it is no frame
     ticks: int | None = None  # of the device's clock, see `Decoder.tick_ns`
     good: bool = True  # False: bytes to discard
-    failed: bool = False  # a checksum was wrong
+    failed: bool = False  # a checksum, or the form of a packet, was wrong
 
 
 class Decoder:
@@ -196,7 +196,7 @@ class PacketDecoder(Decoder):
         raise NotImplementedError
 
     def _parse(self, packet: bytes) -> Piece | None:
-        """Parse a complete packet; None: its checksum is wrong."""
+        """Parse a complete packet; None: its checksum or form is wrong."""
         raise NotImplementedError
 
 

@@ -329,7 +329,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
                  'machine, leaves open when they were sent'),
                 ('skipped_frames', 'images were dropped as they had waited: this machine is too '
                  'slow'),
-                ('check_errors', 'bytes arrive that fail their checksum'),
+                ('check_errors', 'damaged frames arrive: their checksum or form is wrong'),
                 ('dropped_bytes', 'bytes were dropped')):
             yield warn, reason if new.get(name, 0) > 0 else ''
         yield DiagnosticStatus.OK, 'frames arrive'

@@ -39,7 +39,7 @@ class TactileImage:
     """All layers of one sensor at one instant."""
 
     stamp_ns: int  # middle of the acquisition [ns]
-    sequence: int  # frames since the driver started, lost ones included
+    sequence: int  # frames since the driver was activated; of a port, lost ones too
     layers: tuple  # of Layer, one per stress component and depth
     array: TactelArray
     tared: bool = False  # whether the unloaded image has been subtracted
