@@ -142,14 +142,14 @@ class FrameClock:
         self._caught_up_ns: int | None = None
         self._send_time = SendTime()
         self._newest_ns = self._given_ns = 0  # arrival of the newest frame; last stamp
-        self.restart()
+        # Reads that may contain bytes of a future frame: position after each read, and its time.
+        self._arrivals: deque[tuple[int, int]] = deque()
 
     def restart(self) -> None:
         """Start again, after the port was opened."""
         self.decoder.reset()
         self._send_time.restart()
-        # Reads that may contain bytes of a future frame: position after each read, and its time.
-        self._arrivals: deque[tuple[int, int]] = deque()
+        self._arrivals.clear()
 
     def receive(self, data: bytes, now_ns: int,
                 caught_up_ns: int | None = None) -> list[SensorImage]:
