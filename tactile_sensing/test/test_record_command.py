@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from terminal import Terminal
 
+from tactile_common.errors import TactileError
 from tactile_sensing.calibration import recorder
 from tactile_sensing.cli import calibrate, record
 from tactile_sensing.devices.flexitac import FlexiTacDevice
@@ -98,6 +99,17 @@ def test_the_rate_is_that_of_the_images_that_are_kept():
         (SensorImage(k * 100_000_000 // 9, k, np.zeros((2, 2))) for k in range(0, 91, 3)), 1.0)
     assert len(arrays['frames']) == 31 and lost == 60
     assert arrays['rate_hz'] == pytest.approx(30.0)
+
+
+def test_images_before_a_sensor_falls_silent_are_kept(capsys):
+    def images(count):
+        yield from (SensorImage(k * 10_000_000, k, np.zeros((2, 2))) for k in range(count))
+        raise TactileError('the port is silent')
+    arrays, _ = record.record(images(5), 1.0)
+    assert len(arrays['frames']) == 5
+    assert capsys.readouterr().err == 'record: ended early: the port is silent\n'
+    with pytest.raises(TactileError, match='is silent'):
+        record.record(images(1), 1.0)
 
 
 def test_a_drawing_shows_where_it_is_pressed(capsys):

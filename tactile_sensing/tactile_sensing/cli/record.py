@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from tactile_common.command_line import between, file_to_write, Parser, run_command
-from tactile_common.errors import ConfigurationError
+from tactile_common.errors import ConfigurationError, TactileError
 from tactile_common.npz_stream import MAX_WHOLE, write_arrays
 from tactile_sensing.cli.options import add_pitch, add_sensor, add_shape, opened
 from tactile_sensing.devices.calibration import pitch_pair
@@ -79,6 +79,10 @@ def record(images: Iterable[SensorImage], seconds: float) -> tuple[dict[str, np.
                 break
     except KeyboardInterrupt:  # keep the images so far
         pass
+    except TactileError as error:  # the same, if there are any
+        if len(kept) < 2:
+            raise
+        print(f'record: ended early: {error}', file=sys.stderr)
     if len(kept) < 2:
         raise ConfigurationError('no image came')
     stamps = np.array([image.stamp_ns for image in kept])
