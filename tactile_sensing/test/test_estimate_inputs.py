@@ -63,6 +63,22 @@ def same(found, expected):
         np.testing.assert_array_equal(found[name], expected[name], name)
 
 
+def test_the_pitch_of_a_file_is_taken_unless_another_is_given(run):
+    np.savez('in.npz', frames=edges(), pitch_m=PITCH)
+    np.savez('other.npz', frames=edges(), pitch_m=2.0 * PITCH)
+    expected = run('in.npz', *BARE)
+    same(run('in.npz'), expected)
+    same(run('other.npz', *BARE), expected)
+    np.savez('in.npz', frames=edges(), pitch_m=1e3 * PITCH)
+    assert 'in.npz: pitch_m is 1.0, must be between 1e-06 and 0.1 m; did you mean 0.001?' in (
+        run('in.npz'))
+    np.savez('in.npz', frames=edges(), pitch_m='wide')
+    assert run('in.npz').count('in.npz') == 1
+    np.save('in.npy', edges())
+    for name in ('in.npy', 'in.csv'):
+        assert '--calibration is missing, or --pitch' in run(name)
+
+
 def test_without_a_skin_records_come_out(run):
     np.savez('in.npz', frames=edges() / 1e5)  # volts
     found = run('in.npz', *BARE, '--noise', '0.01')

@@ -27,7 +27,7 @@ from tactile_sensing.contact.estimator import (
     TACTELS,
 )
 from tactile_sensing.devices.calibration import load_calibration, pitch_pair
-from tactile_sensing.devices.recording import CHUNK, FrameReader, read_whole
+from tactile_sensing.devices.recording import CHUNK, FrameReader, read_whole, stored_scalars
 from tactile_sensing.devices.tare import TareRefusedError
 from tactile_sensing.types.array import PITCH, TactelArray
 from tactile_sensing.types.contact import (
@@ -47,7 +47,7 @@ MANY = 0.5  # a larger share of unexplained loads may be due to wrong options
 REFUSALS = [reason for reason in Reason if not reason & INFORMATION]
 DESCRIPTION = """\
 Estimate the contact in every frame of a file: point or edge, where, and with what force.
-A file of any length takes the same memory. The summary goes to standard error.
+Frames are read in parts. The summary goes to standard error.
 
 Input array of FRAMES.npz (from numpy.savez or numpy.savez_compressed), or the one of FRAMES.npy
   frames           (N, rows, columns) or (N, layers, rows, columns), real numbers, tared:
@@ -55,6 +55,7 @@ Input array of FRAMES.npz (from numpy.savez or numpy.savez_compressed), or the o
                    x runs along increasing column, y along increasing row, the origin is the
                    centre of the array. NaN and infinity mark invalid tactels.
                    (N, rows*columns) with --shape R C.
+  pitch_m          distance between tactels [m], of an .npz without --pitch; optional
 FRAMES.csv or .txt holds a frame a line, rows*columns numbers, row by row, below a header or none.
 
 What the numbers mean:
@@ -146,7 +147,11 @@ def parse(args: list[str] | None = None) -> argparse.Namespace:
             raise ConfigurationError(
                 f'--{name} is given by the {"calibration" if options.calibration else "bag"}')
     if not (options.pitch or options.calibration or bag):
-        raise ConfigurationError('--calibration is missing, or --pitch')
+        stored = stored_scalars(options.frames, 'pitch_m')
+        if not stored:
+            raise ConfigurationError('--calibration is missing, or --pitch')
+        options.pitch = [checked(f'{options.frames}: pitch_m', stored['pitch_m'], float,
+                                 {'range': PITCH, 'unit': 'm'})]
     if options.tare and not options.calibration:
         raise ConfigurationError('--tare needs --calibration: it is of frames in counts')
     return options

@@ -127,6 +127,14 @@ class Recording:
         return np.clip(values, limits.lowest, limits.highest).astype(limits.dtype), clipped
 
 
+def stored_scalars(path: str | PathLike, *names: str) -> dict[str, float]:
+    """Return the numbers that an `.npz` archive has of these names; other files have none."""
+    if Path(path).suffix in ('.npy', *TABLES):
+        return {}
+    return {name: scalar(f'{path}: {name}', value)
+            for name, value in read_arrays(path, (), names).items()}
+
+
 def load_recording(path: str | PathLike, rate_hz: float | None = None,
                    shape: Shape | None = None) -> Recording:
     """
@@ -138,11 +146,9 @@ def load_recording(path: str | PathLike, rate_hz: float | None = None,
     """
     try:
         frames = read_whole(path, FrameReader(path, shape))
-        arrays = {} if Path(path).suffix in ('.npy', *TABLES) else read_arrays(
-            path, (), ('rate_hz', 'pitch_m'))
-        if rate_hz is None and 'rate_hz' not in arrays:
+        stored = stored_scalars(path, 'rate_hz', 'pitch_m')
+        if rate_hz is None and 'rate_hz' not in stored:
             raise ConfigurationError("array 'rate_hz' is missing: --rate HZ says it")
-        stored = {name: scalar(name, values) for name, values in arrays.items()}
         return Recording(frames, rate_hz or stored['rate_hz'], stored.get('pitch_m'))
     except ConfigurationError as error:
         where = '' if str(error).startswith(str(path)) else f'{path}: '
