@@ -173,6 +173,13 @@ def test_volts_with_a_calibration_are_not_rounded_away(run):
     np.testing.assert_allclose(tared['line_force'], expected['line_force'], rtol=0.03)
 
 
+def test_no_recording_is_overwritten_and_a_namespace_needs_a_bag(run):
+    for name in ('in.npz', 'out.npz'):
+        np.savez(name, frames=counts(np.zeros((20, ROWS, COLUMNS))))
+    assert 'out.npz: is the input as well' in run('in.npz', *calibrate(), '--tare', 'out.npz')
+    assert '--namespace needs a bag, in.npz is none' in run('in.npz', *BARE, '--namespace', 'pad')
+
+
 def test_a_calibration_knows_the_shape_of_flat_counts(run):
     np.savez('in.npz', frames=counts(edges()))
     np.savetxt('in.csv', counts(edges()).reshape(4, -1), fmt='%d', delimiter=',')

@@ -154,6 +154,9 @@ def parse(args: list[str] | None = None) -> argparse.Namespace:
                                  {'range': PITCH, 'unit': 'm'})]
     if options.tare and not options.calibration:
         raise ConfigurationError('--tare needs --calibration: it is of frames in counts')
+    if options.namespace is not None and not any(
+            is_bag(path) for path in (options.frames, options.tare) if path):
+        raise ConfigurationError(f'--namespace needs a bag, {options.frames} is none')
     return options
 
 
@@ -295,8 +298,9 @@ def _counted(names: Sequence[IntEnum | IntFlag], counts: np.ndarray) -> str:
 def run(options: argparse.Namespace) -> str:
     """Estimate every frame of the input; return the summary."""
     rows, chunks = estimates_of(options)
-    if options.out.exists() and os.path.samefile(options.frames, options.out):
-        raise ConfigurationError(f'{options.out}: is the input as well')
+    for path in (options.frames, options.tare):
+        if path and options.out.exists() and os.path.samefile(path, options.out):
+            raise ConfigurationError(f'{options.out}: is the input as well')
     total, done, begin = len(rows), 0, time.perf_counter()
     with Progress(total) as progress:
         for records in chunks:
