@@ -63,6 +63,8 @@ class RecordedImages:
         first = next(self._read(), None)
         if first is None:
             raise ConfigurationError(f'bag {path}: no image on {self._topic}')
+        if not first.layers:
+            raise ConfigurationError(f'bag {path}: the first image on {self._topic} has no layer')
         self.array, self.layer = first.array, first.layers[0]
 
     def __iter__(self) -> Iterator[TactileImage]:
@@ -108,10 +110,15 @@ class RecordedCounts(RecordedImages):
 
 
 def _raw_counts(image: TactileImage) -> np.ndarray:
-    layer = image.layers[0]
-    if layer.unit != 'counts' or image.tared:
+    if not image.layers or image.layers[0].unit != 'counts' or image.tared:
         raise ConfigurationError(
             'no raw counts in the images: start the driver with tare_at_start:=false and a '
             'calibration of `rows`, `columns`, `pitch`, `bits`, `unit: counts` and `gain: 1` '
             'alone')
-    return np.where(np.isnan(layer.stress), layer.full_scale, layer.stress)
+    layer = image.layers[0]
+    full = np.isnan(layer.stress)
+    if full.any() and not layer.full_scale:
+        raise ConfigurationError(
+            f'image at {1e-9 * image.stamp_ns:.6f} s: {full.sum()} tactels are NaN, but '
+            '`full_scale` is 0 (unknown): it must be that of the sensor')
+    return np.where(full, layer.full_scale, layer.stress)

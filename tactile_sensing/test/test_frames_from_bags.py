@@ -124,6 +124,23 @@ def test_arrays_that_differ_are_refused(there, capsys):
     assert 'images on /pad/image are of' in refused(capsys, 'run')
 
 
+def test_images_without_a_layer_or_a_full_scale_are_refused(there, capsys):
+    save_calibration(Calibration(ARRAY, depth=DEPTH), 'pad.yaml')
+    pad = ['--calibration', 'pad.yaml']
+    empty = TactileImage(5_000_000_000, 0, (), ARRAY, False)
+    write_bag('empty', pad=[empty])
+    for args in ([], pad):
+        assert 'bag empty: the first image on /pad/image has no layer' in refused(
+            capsys, 'empty', *args)
+    frames = np.full((2, *ARRAY.shape), 20.0)
+    write_bag('late', pad=[*pictures(frames, tared=False, unit='counts'), empty])
+    assert 'no raw counts' in refused(capsys, 'late', *pad)
+    frames[1, 3, 4] = np.nan
+    write_bag('unknown', pad=pictures(frames, tared=False, unit='counts'))
+    assert 'image at 5.010000 s: 1 tactels are NaN, but `full_scale` is 0' in refused(
+        capsys, 'unknown', *pad)
+
+
 def test_raw_counts_of_a_bag_are_calibrated(there, capsys):
     frames = counts(pressures(8))
     frames[2, 3, 4] = 1023  # full scale, which a driver replaces by NaN
