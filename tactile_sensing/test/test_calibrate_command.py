@@ -338,19 +338,18 @@ def test_mistakes_are_answered_in_one_line(there, capsys, options, words):
 
 @pytest.mark.parametrize('options, full', [
     (['--bits', '10'], 1023), (['--bits', '10', '--signed', 'yes'], 511),
-    (['--bits', '10', '--saturation', '900'], 900), (['--saturation', '900'], 900)])
+    (['--bits', '10', '--saturation', '900'], 900), (['--saturation', '900'], 900),
+    (['--saturation', '0'], 0)])
 def test_a_live_press_is_at_full_scale_where_the_options_say(monkeypatch, options, full):
-    counts, seen = np.full(ARRAY.shape, full - 1), []
-    counts[3, 4] = full
-    monkeypatch.setattr(
-        calibrate, 'opened', lambda _: nullcontext(iter([SimpleNamespace(counts=counts)])))
-    monkeypatch.setattr(calibrate, 'Recorder', lambda folder, array, look, *_: SimpleNamespace(
-        run=lambda: seen.append(look()[1])))
+    seen = []
+    monkeypatch.setattr(calibrate, 'opened', lambda _: nullcontext())
+    monkeypatch.setattr(calibrate, 'Recorder', lambda *given: SimpleNamespace(
+        run=lambda: seen.append(given[-1])))
     given = calibrate.parser().parse_args([
         *OPTIONS, '--live', 'none', '--port', 'none', '--shape', '16', '16', *options])
     given.pitch = 2 * given.pitch
     calibrate.record(given)
-    assert seen == [1]
+    assert seen == [full]
 
 
 def test_a_force_that_is_no_number_is_refused(there, capsys):

@@ -1,7 +1,10 @@
 """`calibrate --live`: which presses are taken or repeated, and continuation."""
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
+from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays, write_arrays
 from tactile_sensing.calibration.presses import Presses
 from tactile_sensing.calibration.recorder import HELD, PressCatcher, Recorder, Step
@@ -39,13 +42,13 @@ class Sensor:
         except StopIteration:
             raise KeyboardInterrupt from None
         counts = np.rint(20.0 + clean + 2.0 * self._rng.standard_normal(ARRAY.shape))
-        return np.clip(counts, 0, FULL), int((counts >= FULL).sum())
+        return np.clip(counts, 0, FULL)
 
 
 def wizard(folder, script, answers=()):
     asked, lines, left = [], [], iter(answers)
     recorder = Recorder(folder, ARRAY, Sensor(script).look,
-                        lambda text: asked.append(text) or next(left, ''), lines.append)
+                        lambda text: asked.append(text) or next(left, ''), lines.append, FULL)
     return recorder, asked, lines
 
 
@@ -68,6 +71,28 @@ def test_bad_presses_are_named_and_asked_for_again(tmp_path):
         frames = file['frames']
     peaks = [np.unravel_index(frame.argmax(), frame.shape) for frame in frames]
     assert len(frames) == 3 and len(set(peaks)) == 3
+
+
+@pytest.mark.parametrize('fault', [2.0 * FULL, 300.0], ids=['at full scale', 'noisy'])
+def test_a_faulty_tactel_prevents_no_press(tmp_path, fault):
+    script, rng = [*NOTHING, *(frame for a in (0.0, 2e-3, -2e-3) for frame in held(ball(a, 0.0)))
+                   ], np.random.default_rng(6)
+    for k, frame in enumerate(script):
+        script[k] = frame = frame.copy()
+        frame[8, 9] = fault if fault > FULL else rng.normal(500.0, fault)
+    recorder, _, lines = wizard(tmp_path, script)
+    with suppress(KeyboardInterrupt):  # the script ends
+        recorder.run((STEPS[0], STEPS[2]))
+    assert lines[1:] == ['ball: 1 of 3', 'ball: 2 of 3', 'ball: 3 of 3']
+
+
+def test_the_folder_of_another_array_is_refused(tmp_path):
+    write_arrays(tmp_path / 'unloaded.npz', frames=np.zeros((40, 8, 8)))
+    recorder, asked, _ = wizard(tmp_path, NOTHING)
+    with pytest.raises(ConfigurationError, match=r'unloaded.npz: frames has shape \(40, 8, 8\), '
+                                                 'but the sensor has 12 x 12 tactels'):
+        recorder.run(STEPS)
+    assert not asked
 
 
 def test_an_interrupted_session_goes_on(tmp_path):
@@ -126,7 +151,7 @@ def test_a_press_that_moves_or_slackens_is_awaited():
     catcher = PressCatcher(ARRAY, 20.0 + 2.0 * rng.standard_normal((100, *ARRAY.shape)))
 
     def see(clean):
-        return catcher.see(20.0 + clean + 2.0 * rng.standard_normal(ARRAY.shape), 0)
+        return catcher.see(20.0 + clean + 2.0 * rng.standard_normal(ARRAY.shape))
     nothing = np.zeros(ARRAY.shape)
     see(nothing)
     sliding = [ball(a, 0.0) for a in np.linspace(-4e-3, 4e-3, 60)]

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tactile_common.errors import ConfigurationError
 from tactile_common.npz_stream import read_arrays, write_arrays
 from tactile_sensing.calibration.presses import highest, LEAST_PEAK, why_not
+from tactile_sensing.calibration.survey import MOST_NOISE
 from tactile_sensing.devices.tare import unloaded_statistics
 from tactile_sensing.types.array import TactelArray
 
@@ -44,24 +46,25 @@ class PressCatcher:
     Find presses in a stream of frames.
 
     A press is taken once, when it has been steady for HELD frames, and the next one begins after
-    the pad was released.
+    the pad was released. Tactels that are faulty in the unloaded frames are left out.
     """
 
-    def __init__(self, array: TactelArray, unloaded: np.ndarray):
-        everywhere = np.ones(array.shape, bool)
-        self._array = array
-        self._offset, self._noise = unloaded_statistics(unloaded, -np.inf, 0.0, everywhere)
+    def __init__(self, array: TactelArray, unloaded: np.ndarray, full: float = np.inf):
+        self._array, self._full = array, full
+        offset, noise = unloaded_statistics(unloaded, -np.inf, 0.0, np.ones(array.shape, bool))
+        self._live = (noise <= MOST_NOISE * np.median(noise)) & (offset < full - 1.0)
+        self._offset, self._noise = unloaded_statistics(unloaded, -np.inf, 0.0, self._live)
         self._recent: deque[np.ndarray] = deque(maxlen=HELD)
         self._taken = True  # ignore a press at the start
 
-    def see(self, frame: np.ndarray, full: int) -> str | None:
+    def see(self, frame: np.ndarray) -> str | None:
         """
-        Examine the next frame [counts], (rows, columns), with `full` tactels at full scale.
+        Examine the next frame [counts], (rows, columns).
 
         Returns None if there is no new steady press, '' for a usable press of a ball, else what
         is wrong with it.
         """
-        values = frame - self._offset
+        values = np.where(self._live, frame - self._offset, np.nan)
         peak = highest(values)
         strength = values[peak] / (LEAST_PEAK * self._noise[peak])
         if strength < (RELEASED if self._taken else 1.0):
@@ -74,9 +77,10 @@ class PressCatcher:
         half, frames = HELD // 2, np.array(self._recent)
         change = np.abs(frames[half:].mean(axis=0) - frames[:half].mean(axis=0))
         by_chance = 5.0 * self._noise * np.sqrt(2.0 / half)
-        if not (change < STEADY * values[peak] + by_chance).all():
+        if (change >= STEADY * values[peak] + by_chance).any():
             return None
         self._taken = True
+        full = int((frame[self._live] >= self._full).sum())
         return why_not(values, self._noise, self._array, full)
 
 
@@ -90,17 +94,17 @@ class Recorder:
 
     folder: Path
     array: TactelArray
-    # Returns the next frame [counts], (rows, columns), and its number of tactels at full scale.
-    look: Callable[[], tuple[np.ndarray, int]]
+    look: Callable[[], np.ndarray]  # returns the next frame [counts], (rows, columns)
     ask: Callable[[str], str]  # shows a text and returns the answer; 's' skips a recording
     tell: Callable[[str], None]  # shows a line
+    full: float = np.inf  # count from which on a tactel is at full scale
 
     def run(self, steps: tuple[Step, ...] = STEPS) -> None:
         """Record the steps that are missing in the folder."""
         self.folder.mkdir(parents=True, exist_ok=True)
         for step in steps:
             path = self._file(step.name)
-            frames = list(read_arrays(path, ('frames',))['frames']) if path.exists() else []
+            frames = list(self._stored(path)) if path.exists() else []
             if len(frames) >= step.count * step.frames:
                 self.tell(f'{step.name}: {len(frames)} frames are there')
             elif step.presses and not self._file('unloaded').exists():
@@ -110,18 +114,16 @@ class Recorder:
 
     def _stream(self, step: Step, frames: list[np.ndarray]) -> None:
         while len(frames) < step.count:
-            frames.append(self.look()[0])
+            frames.append(self.look())
         write_arrays(self._file(step.name), frames=np.array(frames))
         self.tell(f'{step.name}: {len(frames)} frames')
 
     def _presses(self, step: Step, frames: list[np.ndarray]) -> None:
-        catcher = PressCatcher(
-            self.array, read_arrays(self._file('unloaded'), ('frames',))['frames'])
+        catcher = PressCatcher(self.array, self._stored(self._file('unloaded')), self.full)
         last: deque[np.ndarray] = deque(maxlen=step.frames)
         while len(frames) < step.count * step.frames:
-            frame, full = self.look()
-            last.append(frame)
-            wrong = catcher.see(frame, full)
+            last.append(self.look())
+            wrong = catcher.see(last[-1])
             if wrong is None:
                 continue
             if wrong and not step.anywhere:
@@ -130,6 +132,14 @@ class Recorder:
             frames.extend(last)
             write_arrays(self._file(step.name), frames=np.array(frames))
             self.tell(f'{step.name}: {len(frames) // step.frames} of {step.count}')
+
+    def _stored(self, path: Path) -> np.ndarray:
+        frames = read_arrays(path, ('frames',))['frames']
+        if frames.shape[1:] != self.array.shape:
+            raise ConfigurationError(
+                f'{path}: frames has shape {frames.shape}, but the sensor has '
+                f'{self.array.rows} x {self.array.columns} tactels: choose another folder')
+        return frames
 
     def _file(self, name: str) -> Path:
         return self.folder / f'{name}.npz'

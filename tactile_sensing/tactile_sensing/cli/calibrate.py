@@ -113,14 +113,15 @@ def record(options: argparse.Namespace) -> None:
     """Make the recordings of the options from the sensor on a port."""
     if not options.port:
         raise ConfigurationError('--live needs --port, the serial port of the sensor')
-    full = options.saturation or np.inf
+    if options.resolution != 1.0:
+        raise ConfigurationError('--resolution is of files, but --live records counts')
+    full = np.inf if options.saturation is None else options.saturation
     if options.bits:
         full = Counts(
             options.bits, options.signed == 'yes', saturation=options.saturation).saturation
     with opened(options) as sensor:
-        def look() -> tuple[np.ndarray, int]:
-            counts = next(sensor).counts
-            return counts.astype(float), int((counts >= full).sum())
+        def look() -> np.ndarray:
+            return next(sensor).counts.astype(float)
 
         def ask(text: str) -> str:
             answer = input(text)
@@ -129,7 +130,7 @@ def record(options: argparse.Namespace) -> None:
         rows, columns = options.shape
         array = TactelArray(rows, columns, *options.pitch)
         try:
-            Recorder(Path(options.live), array, look, ask, print).run()
+            Recorder(Path(options.live), array, look, ask, print, full).run()
         except EOFError:
             raise ConfigurationError(
                 'no more answers; the same command continues from here') from None
