@@ -282,6 +282,19 @@ def test_bits_are_asked_for_and_never_fewer_than_seen(there, capsys):
     assert load_calibration('pad.yaml').bits == 12
 
 
+@pytest.mark.parametrize('low, signed, words', [
+    (0, None, 'counts of 0 to 1000000 need 20 bits, at most 16 are possible: --resolution'),
+    (-5, False, '--signed is no, but counts of -5 to 1000000 are signed')])
+def test_counts_that_no_converter_sends_are_refused(low, signed, words):
+    with pytest.raises(ConfigurationError, match=words):
+        range_of([np.array([low, 1_000_000.0])], None, signed, None)
+
+
+def test_a_threshold_of_zero_is_one():
+    counts = np.array([-100.0, 100.0])
+    assert range_of([counts], 8, None, 0)[0].threshold == 0
+
+
 def test_a_threshold_is_seen_and_clipping_is_none():
     rng = np.random.default_rng(6)
     values = rng.exponential(60.0, 20_000) + 2.0 * rng.standard_normal(20_000)
@@ -319,6 +332,9 @@ def test_corners_say_how_rows_and_columns_come(rows, columns, transposed):
 @pytest.mark.parametrize('options, words', [
     ([], 'no recordings'), (['--ball', 'u.npz'], '--ball-radius is missing'),
     (['--live', 'session'], '--live needs --port'),
+    (['--live', 'session', '--port', 'p', '--resolution', '.005'], '--resolution is of files'),
+    (['--unloaded', 'u.npz', '--bits', '8', '--threshold', '0'], 'threshold is 0, must be an'),
+    (['--unloaded', 'u.npz', '--bits', '8', '--saturation', '0'], 'saturation is 0, must be an'),
     (['--unloaded', 'none.npz'], 'No such file'),
     (['--unloaded', 'u.npz', '--force', '2'], '--force needs --ball'),
     (['--ball', 'u.npz', '--ball-radius', '1'], '--ball-radius: value is 1.0, must be between'),

@@ -28,7 +28,7 @@ DEAD_LINE = 0.25
 
 @dataclass
 class Known:
-    """Known values from data sheet or measurement; None or 0: to be found or assumed."""
+    """Known values from data sheet or measurement; None, or a length or gain of 0: unknown."""
 
     pitch: tuple[float, float]  # along x and y [m]
     bits: int | None = None
@@ -110,8 +110,9 @@ class Procedure:
             list(self.recordings.values()), known.bits, known.signed, known.threshold)
         self.values = {
             'bits': counts.bits, 'signed': counts.signed, 'threshold': counts.threshold,
-            'saturation': known.saturation or counts.saturation, 'tactel': known.tactel,
-            'resolution': known.resolution, 'depth': known.depth or min(known.pitch),
+            'saturation': counts.saturation if known.saturation is None else known.saturation,
+            'tactel': known.tactel, 'resolution': known.resolution,
+            'depth': known.depth or min(known.pitch),
             'thickness': known.thickness,
             'poisson': ASSUMED_POISSON if known.poisson is None else known.poisson}
         self.values |= {'gain': known.gain} if known.gain else {'unit': 'counts'}

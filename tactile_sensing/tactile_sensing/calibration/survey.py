@@ -38,7 +38,7 @@ def range_of(recordings: list[np.ndarray], bits: int | None, signed: bool | None
 
     Values that are not given follow from the counts: the smallest usual number of bits for them,
     and a threshold if small counts never occur although larger ones do. Raises a
-    ConfigurationError if the given bits are too few for the counts.
+    ConfigurationError if no converter, or not the given one, sends such counts.
     """
     assumed = []
     counts = np.concatenate([np.rint(frames[np.isfinite(frames)]) for frames in recordings])
@@ -46,9 +46,15 @@ def range_of(recordings: list[np.ndarray], bits: int | None, signed: bool | None
     if signed is None:
         signed = low < 0
         assumed.append(f'{"signed" if signed else "unsigned"} counts, as the recordings show')
+    elif low < 0 and not signed:
+        raise ConfigurationError(f'--signed is no, but counts of {low} to {high} are signed')
     need = max(high, -low - 1, 1).bit_length() + signed
     if bits is not None and bits < need:
         raise ConfigurationError(f'--bits is {bits}, but counts of {low} to {high} need {need}')
+    if need > MAX_BITS:
+        raise ConfigurationError(
+            f'counts of {low} to {high} need {need} bits, at most {MAX_BITS} are possible: '
+            '--resolution gives the size of a count')
     if bits is None:
         bits = next((b for b in (8, 10, 12, 14) if b >= need), MAX_BITS)
         assumed.append(f'{bits} bits: the least usual converter for counts of {low} to {high}')
@@ -59,7 +65,7 @@ def range_of(recordings: list[np.ndarray], bits: int | None, signed: bool | None
         if above.size >= 50 and least > 1 and np.count_nonzero(above < 2 * least) > MISSING:
             threshold = least
             assumed.append(f'a threshold of {threshold}: smaller counts than that are all 0')
-    return Counts(bits, signed, threshold or None), assumed
+    return Counts(bits, signed, threshold), assumed
 
 
 def touched(frames: np.ndarray, counts: Counts) -> np.ndarray:
