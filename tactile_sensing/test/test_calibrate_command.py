@@ -335,6 +335,7 @@ def test_corners_say_how_rows_and_columns_come(rows, columns, transposed):
     (['--live', 'session', '--port', 'p', '--resolution', '.005'], '--resolution is of files'),
     (['--unloaded', 'u.npz', '--bits', '8', '--threshold', '0'], 'threshold is 0, must be an'),
     (['--unloaded', 'u.npz', '--bits', '8', '--saturation', '0'], 'saturation is 0, must be an'),
+    (['--unloaded', 'u.npz', '--namespace', 'pad'], '--namespace needs a bag'),
     (['--unloaded', 'none.npz'], 'No such file'),
     (['--unloaded', 'u.npz', '--force', '2'], '--force needs --ball'),
     (['--ball', 'u.npz', '--ball-radius', '1'], '--ball-radius: value is 1.0, must be between'),

@@ -116,6 +116,9 @@ def test_a_sensor_of_several_is_named(there, capsys):
     assert 'has 2 topics image; name one by --namespace' in refused(capsys, 'run')
     assert 'has no /middle/image' in refused(capsys, 'run', '--namespace', 'middle')
     assert len(run('run', '--namespace', 'right')['t']) == 7
+    assert calibrate.main(['--out', 'pad.yaml', '--pitch', '0.001', '--rolling', 'run',
+                           '--namespace', 'middle']) == 2
+    assert 'has no /middle/image' in capsys.readouterr().err
 
 
 def test_arrays_that_differ_are_refused(there, capsys):

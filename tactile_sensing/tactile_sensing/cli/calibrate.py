@@ -80,6 +80,7 @@ def parser() -> argparse.ArgumentParser:
     for name, text in RECORDED.items():
         add(f'--{name}', metavar='FILE', help=f'frames {text}')
     metres, count = between(*PITCH, 'm'), between(-32768, 65536, kind=int)
+    add('--namespace', help='of the sensor in bags that have several')
     add('--ball-radius', metavar='M', type=metres, default=0.0, help='of the ball [m]')
     add('--force', metavar='N', type=between(1e-6, 1e6, 'N'),
         help='with which the ball was pressed, each time [N]')
@@ -143,11 +144,12 @@ def record(options: argparse.Namespace) -> None:
 def read_recordings(options: argparse.Namespace) -> dict[str, np.ndarray]:
     """Read the files of the options; set missing options for the counts from a bag."""
     found, shape = {}, tuple(options.shape) if options.shape else None
-    for name in RECORDED:
-        path = getattr(options, name)
-        if not path:
-            continue
-        reader = counts_reader(path, options.resolution, shape, source='--shape')
+    paths = {name: getattr(options, name) for name in RECORDED if getattr(options, name)}
+    if options.namespace is not None and not any(map(is_bag, paths.values())):
+        raise ConfigurationError('--namespace needs a bag, no recording is one')
+    for name, path in paths.items():
+        reader = counts_reader(
+            path, options.resolution, shape, options.namespace, source='--shape')
         found[name] = read_whole(path, reader).astype(float)
         if not np.isfinite(found[name]).all():
             raise ConfigurationError(f'{path}: frames holds values that are not finite')
