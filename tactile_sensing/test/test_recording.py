@@ -51,6 +51,8 @@ def test_arrays_and_tables_with_rate_and_shape(tmp_path):
         recording = load_recording(tmp_path / name, 25.0, (3, 4))
         np.testing.assert_array_equal(recording.frames, FRAMES)
         assert recording.rate_hz == 25.0 and recording.pitch is None
+        with pytest.raises(ConfigurationError, match='rate_hz is 0.0, must be above 0'):
+            load_recording(tmp_path / name, 0.0, (3, 4))
     for name, shape, words in (
             ('f.npy', None, "'rate_hz' is missing: --rate HZ"), ('f.csv', None, '--shape R C'),
             ('f.csv', (4, 4), '--shape says 4 x 4 = 16')):

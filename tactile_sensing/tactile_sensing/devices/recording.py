@@ -149,7 +149,8 @@ def load_recording(path: str | PathLike, rate_hz: float | None = None,
         stored = stored_scalars(path, 'rate_hz', 'pitch_m')
         if rate_hz is None and 'rate_hz' not in stored:
             raise ConfigurationError("array 'rate_hz' is missing: --rate HZ says it")
-        return Recording(frames, rate_hz or stored['rate_hz'], stored.get('pitch_m'))
+        return Recording(frames, stored['rate_hz'] if rate_hz is None else rate_hz,
+                         stored.get('pitch_m'))
     except ConfigurationError as error:
         where = '' if str(error).startswith(str(path)) else f'{path}: '
         raise ConfigurationError(f'recording {where}{error}') from error
