@@ -34,7 +34,7 @@ def clear_errors(path: str | os.PathLike) -> Iterator[None]:
     except OSError as error:
         raise ConfigurationError(f'{path}: cannot be read: {error.strerror or error}') from error
     except _DAMAGED as error:
-        kind = '.npy array' if Path(path).suffix == '.npy' else '.npz archive'
+        kind = '.npy array' if Path(path).suffix.lower() == '.npy' else '.npz archive'
         raise ConfigurationError(f'{path}: is not an {kind} of numbers, or damaged') from error
 
 
@@ -66,7 +66,7 @@ def write_arrays(path: str | os.PathLike, **arrays: Any) -> None:
 
 def write_records(path: str | os.PathLike, records: np.ndarray) -> None:
     """Write records (N,): in an `.npz` an array for each field, in a `.csv` a row for each one."""
-    if Path(path).suffix == '.npz':
+    if Path(path).suffix.lower() == '.npz':
         write_arrays(path, **{name: records[name] for name in records.dtype.names or ()})
         return
     columns = dict(_columns(records))
@@ -110,7 +110,7 @@ def refuse_above(most: int, size: int, what: str) -> None:
 @contextmanager
 def _opened(path: str | os.PathLike, name: str) -> Iterator[tuple[IO[bytes], int]]:
     """Open an `.npy` file, or one array of an archive; yields the stream and its length."""
-    if Path(path).suffix == '.npy':
+    if Path(path).suffix.lower() == '.npy':
         with open(path, 'rb') as stream:
             yield stream, os.fstat(stream.fileno()).st_size
         return

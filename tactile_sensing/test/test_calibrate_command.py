@@ -371,8 +371,10 @@ def test_a_live_press_is_at_full_scale_where_the_options_say(monkeypatch, option
 
 def test_a_force_that_is_no_number_is_refused(there, capsys):
     np.savez('b.npz', frames=np.zeros((5, *ARRAY.shape)), force=np.array(['1'] * 5))
-    assert calibrate.main([*OPTIONS, '--ball', 'b.npz', '--ball-radius', '0.001']) == 2
-    assert 'force is 5 of type <U1, must be one number or 5' in capsys.readouterr().err
+    for name in ('b.npz', 'B.NPZ'):
+        Path('b.npz').rename(name)
+        assert calibrate.main([*OPTIONS, '--ball', name, '--ball-radius', '0.001']) == 2
+        assert 'force is 5 of type <U1, must be one number or 5' in capsys.readouterr().err
 
 
 def test_a_defect_costs_one_line(there, capsys, monkeypatch):

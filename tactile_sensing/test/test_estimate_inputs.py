@@ -1,4 +1,5 @@
 """Command `estimate` on other input: counts, volts, tables, flat arrays, unknown skin."""
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -102,6 +103,18 @@ def test_archive_array_and_table_say_the_same(run):
     same(run('in.npz', *KNOWN, *SHAPE), expected)
     for name in ('flat.npy', 'in.csv', 'head.csv'):
         same(run(name, *KNOWN, *SHAPE), expected)
+
+
+def test_endings_in_capitals_are_the_same(run):
+    np.savez('in.npz', frames=edges())
+    np.save('in.npy', edges())
+    np.savetxt('in.csv', edges().reshape(4, -1), delimiter=',')
+    expected = run('in.npz', *KNOWN)
+    for name in ('in.npy', 'in.csv', 'in.npz'):
+        other = Path(name).rename(name.upper())
+        same(run(str(other), *KNOWN, *SHAPE), expected)
+    assert estimate.main(['IN.NPZ', *KNOWN, '-o', 'OUT.NPZ']) == 0
+    same(np.load('OUT.NPZ'), expected)
 
 
 def test_a_text_file_is_a_table(run):

@@ -82,7 +82,7 @@ def load_contacts(path: str | PathLike, namespace: str | None = None,
     path = Path(path)
     if not path.exists():
         raise ConfigurationError(f'{path}: there is no such file')
-    if path.suffix != '.npz':
+    if path.suffix.lower() != '.npz':
         return _from_bag(path, namespace, finger_radius)
     arrays = read_arrays(path, ('t', 'position', 'normal'), SETTINGS)
     if held := [name for name in SETTINGS if name in arrays]:

@@ -156,6 +156,13 @@ def test_refused_files(there, capsys, args, message):
     assert not (there / 'out.npz').exists()
 
 
+def test_endings_in_capitals_are_the_same(there):
+    np.savez('in.npz', **GOOD)
+    (there / 'in.npz').rename('IN.NPZ')
+    assert fit.main(['IN.NPZ', '-o', 'OUT.NPZ']) == 0
+    assert result('OUT.NPZ')
+
+
 def write_bag(path):
     """Recording of a pad pressed flat against a sphere of 70 mm diameter."""
     pytest.importorskip('rosbags')

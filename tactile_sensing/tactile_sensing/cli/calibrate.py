@@ -165,7 +165,7 @@ def read_force(options: argparse.Namespace, frames: int) -> np.ndarray | None:
         raise ConfigurationError('--force needs --ball')
     if options.force is not None:
         return np.array(options.force)
-    if not options.ball or Path(options.ball).suffix != '.npz':
+    if not options.ball or Path(options.ball).suffix.lower() != '.npz':
         return None
     force = read_arrays(options.ball, (), ('force',)).get('force')
     if force is None:

@@ -42,7 +42,7 @@ class FrameReader:
     def __init__(self, path: str | PathLike, shape: Shape | None = None, source: str = '--shape',
                  unit: float = 1.0):
         self._unit = unit
-        table = Path(path).suffix in TABLES
+        table = Path(path).suffix.lower() in TABLES
         reader: Any = read_table(path) if table else ArrayReader(path, 'frames')
         self._chunks = partial(chunks_of, reader) if table else reader.chunks
         there, self.dtype = reader.shape, reader.dtype
@@ -129,7 +129,7 @@ class Recording:
 
 def stored_scalars(path: str | PathLike, *names: str) -> dict[str, float]:
     """Return the numbers that an `.npz` archive has of these names; other files have none."""
-    if Path(path).suffix in ('.npy', *TABLES):
+    if Path(path).suffix.lower() in ('.npy', *TABLES):
         return {}
     return {name: scalar(f'{path}: {name}', value)
             for name, value in read_arrays(path, (), names).items()}
