@@ -102,3 +102,8 @@ def test_a_text_that_begins_like_a_number_is_a_text():
 def test_a_value_that_is_not_of_its_tag_is_refused(text):
     with pytest.raises(ConfigurationError, match='^is not YAML: '):
         parse_yaml(f'a: {text}')
+
+
+def test_a_huge_integer_is_refused_and_cut():
+    with pytest.raises(ConfigurationError, match=r'^bits is 10{56,59}, must be between 1 and 16$'):
+        checked('bits', 10**400, int, {'range': (1, 16)})

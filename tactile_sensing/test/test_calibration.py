@@ -153,6 +153,10 @@ def test_impossible_files(tmp_path, text, reason):
 
 
 def test_good_file(tmp_path):
+    (GOOD.replace('2', '1000000'), 'rows is 1000000, must be between 1 and 1024'),
+    (GOOD.replace('1.5', '1' + '0' * 400), 'gain must be a number or 2 rows of 3'),
+    (GOOD + 'bits: 1' + '0' * 400, 'bits is 1000'),
+    (GOOD + 'nominal_rate: 20000', 'nominal_rate is 20000.*between 0 and 10000 Hz'),
     path = tmp_path / 'pad.yaml'
     path.write_text(GOOD + 'dead_tactels: [[1, 2], [0, 1]]')
     pad = load_calibration(path)

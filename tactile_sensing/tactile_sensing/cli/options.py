@@ -12,9 +12,8 @@ from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.recording import FrameReader, Shape
 from tactile_sensing.devices.registry import options_of, protocol_named, PROTOCOLS
 from tactile_sensing.devices.stream import open_sensor, SensorStream
-from tactile_sensing.types.array import PITCH
+from tactile_sensing.types.array import MAX_SIDE, PITCH
 
-MAX_SIDE = 1024  # rows or columns
 BAGS = ('.mcap', '.db3', '.bag')  # endings of bag files; a bag may also be a folder
 
 

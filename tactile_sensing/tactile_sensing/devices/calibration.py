@@ -14,6 +14,7 @@ from tactile_common.errors import ConfigurationError, naming
 from tactile_common.yaml_file import mapping_of, read_yaml
 from tactile_sensing.devices.counts import Counts
 from tactile_sensing.devices.tare import (
+from tactile_sensing.devices.frame_clock import MAX_RATE
     MIN_TARE_FRAMES,
     missing_mean,
     QUANTISATION,
@@ -78,7 +79,8 @@ class Calibration:
     max_load: float = _at_least_0('N')  # largest normal force on the pad; 0 = unknown
     # Time from the middle of the acquisition to the arrival of the last byte.
     acquisition_delay: float = _at_least_0('s')
-    nominal_rate: float = _at_least_0('Hz')  # images per second; 0 = unknown
+    # Images per second; 0 = unknown.
+    nominal_rate: float = bounded(0.0, unit='Hz', low=0.0, high=MAX_RATE)
     model: str = 'flexitac'  # kind of device
     serial_number: str = ''
     source: str = ''  # origin of these values
@@ -111,7 +113,7 @@ class Calibration:
         """Replace a scalar or nested list by an array, shape `(rows, columns)`; return it."""
         try:
             given = np.asarray(getattr(self, name), dtype=np.float32)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             given = np.full(3, np.nan)
         if given.shape not in ((), self.array.shape) or not np.isfinite(given).all():
             raise ConfigurationError(

@@ -5,9 +5,9 @@ from functools import cached_property
 import numpy as np
 
 from tactile_common.config import checked
-from tactile_common.errors import ConfigurationError
 
 PITCH = (1e-6, 0.1)  # m
+MAX_SIDE = 1024  # rows or columns
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,7 @@ class TactelArray:
     Rectangular array of tactels, centred on the origin of the sensor frame.
 
     Its images have the shape `(rows, columns)`; x increases with the column, y with the row.
-    Raises a ConfigurationError if a size is not a positive integer or a pitch is out of bounds.
+    Raises a ConfigurationError if a size or a pitch is out of bounds.
     """
 
     rows: int  # tactels along y
@@ -26,9 +26,7 @@ class TactelArray:
 
     def __post_init__(self) -> None:
         for name in ('rows', 'columns'):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-                raise ConfigurationError(f'{name} is {value!r}, must be an integer of at least 1')
+            checked(name, getattr(self, name), int, {'range': (1, MAX_SIDE)})
         for name in ('pitch_x', 'pitch_y'):
             checked(name, getattr(self, name), float, {'range': PITCH, 'unit': 'm'})
 
