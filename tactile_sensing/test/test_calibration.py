@@ -3,9 +3,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from tactile_common.errors import ConfigurationError
-from tactile_sensing.devices.calibration import Calibration, load_calibration
+from tactile_sensing.devices.calibration import Calibration, load_calibration, save_calibration
 from tactile_sensing.devices.tare import TareRefusedError
 from tactile_sensing.types.array import TactelArray
 
@@ -152,6 +153,10 @@ def test_impossible_files(tmp_path, text, reason):
     assert '\n' not in str(caught.value)
 
 
+    (GOOD.replace('2', '1000000'), 'rows is 1000000, must be between 1 and 1024'),
+    (GOOD.replace('1.5', '1' + '0' * 400), 'gain must be a number or 2 rows of 3'),
+    (GOOD + 'bits: 1' + '0' * 400, 'bits is 1000'),
+    (GOOD + 'nominal_rate: 20000', 'nominal_rate is 20000.*between 0 and 10000 Hz'),
 def test_good_file(tmp_path):
     (GOOD.replace('2', '1000000'), 'rows is 1000000, must be between 1 and 1024'),
     (GOOD.replace('1.5', '1' + '0' * 400), 'gain must be a number or 2 rows of 3'),

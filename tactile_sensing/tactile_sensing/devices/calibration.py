@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import yaml
 
+from tactile_common.atomic_file import replacing
 from tactile_common.config import bounded, check_fields, one_of
 from tactile_common.errors import ConfigurationError, naming
 from tactile_common.yaml_file import mapping_of, read_yaml
 from tactile_sensing.devices.counts import Counts
-from tactile_sensing.devices.tare import (
 from tactile_sensing.devices.frame_clock import MAX_RATE
+from tactile_sensing.devices.tare import (
     MIN_TARE_FRAMES,
     missing_mean,
     QUANTISATION,
@@ -322,7 +323,7 @@ def load_calibration(path: str | PathLike) -> Calibration:
 def save_calibration(calibration: Calibration, path: str | PathLike) -> None:
     """Write a file for `load_calibration`; raise a ConfigurationError if that fails."""
     array = calibration.array
-    values: dict = {'rows': array.rows, 'columns': array.columns,
+    values: dict = {'rows': int(array.rows), 'columns': int(array.columns),
                     'pitch': [float(array.pitch_x), float(array.pitch_y)]}
     for item in _FIELDS:
         value, default = getattr(calibration, item.name), item.default
@@ -331,13 +332,15 @@ def save_calibration(calibration: Calibration, path: str | PathLike) -> None:
         if isinstance(value, np.ndarray):  # five digits; one number if all are equal
             rows = [[float(f'{it:.5g}') for it in row] for row in value]
             value = rows[0][0] if len({it for row in rows for it in row}) == 1 else rows
-        elif item.name == 'dead_tactels':
-            value = [list(divmod(index, array.columns)) for index in value]
-        values[item.name] = list(value) if isinstance(value, tuple) else value
+        elif isinstance(value, (tuple, np.generic)):
+            value = np.asarray(value).tolist()
+        if item.name == 'dead_tactels':
+            value = [list(divmod(index, values['columns'])) for index in value]
+        values[item.name] = value
+    text = yaml.safe_dump(values, sort_keys=False, width=99, default_flow_style=None)
     try:
-        with open(path, 'w', encoding='utf-8') as stream:
-            stream.write('# Calibration of one array; `found` says how, how well, and what was '
-                         'assumed.\n')
-            yaml.safe_dump(values, stream, sort_keys=False, width=99, default_flow_style=None)
+        with replacing(path) as part:
+            part.write_text('# Calibration of one array; `found` says how, how well, and what was '
+                            f'assumed.\n{text}', encoding='utf-8')
     except OSError as error:
         raise ConfigurationError(f'calibration {path}: {error.strerror}') from error
