@@ -109,6 +109,16 @@ def test_a_dead_tactel_or_a_wide_tolerance_prevents_no_tare():
     calibration(tare_tolerance=10).make_tare(loaded(6))
 
 
+@pytest.mark.parametrize('noise', [0.2, 0.4])
+def test_a_dead_tactel_without_a_number_changes_no_noise(noise):
+    whole = np.rint(10.3 + noise * np.random.default_rng(RNG_SEED).standard_normal(
+        (50, *ARRAY.shape)))
+    dead = calibration(dead_tactels=(7,))
+    expected = dead.make_tare(whole).noise_std
+    whole[:, 1, 2] = np.nan
+    assert dead.make_tare(whole).noise_std == pytest.approx(expected, rel=1e-3)
+
+
 @pytest.mark.parametrize('values, reason', [
     ({'gain': 0.0}, 'gain is 0.0'),
     ({'gain': [[1.0]]}, 'gain must be a number or 4 rows of 5'),
@@ -143,6 +153,10 @@ GOOD = 'rows: 2\ncolumns: 3\npitch: 0.001\ngain: 1.5\n'
     (GOOD + 'dead_tactels: [[2, 0]]', 'dead_tactels holds'),
     (GOOD + 'dead_tactels: [3]', 'dead_tactels holds 3'),
     (GOOD + 'depth: null', 'depth is None'),
+    (GOOD.replace('2', '1000000'), 'rows is 1000000, must be between 1 and 1024'),
+    (GOOD.replace('1.5', '1' + '0' * 400), 'gain must be a number or 2 rows of 3'),
+    (GOOD + 'bits: 1' + '0' * 400, 'bits is 1000'),
+    (GOOD + 'nominal_rate: 20000', 'nominal_rate is 20000.*between 0 and 10000 Hz'),
 ])
 def test_impossible_files(tmp_path, text, reason):
     path = tmp_path / 'pad.yaml'
@@ -153,15 +167,26 @@ def test_impossible_files(tmp_path, text, reason):
     assert '\n' not in str(caught.value)
 
 
-    (GOOD.replace('2', '1000000'), 'rows is 1000000, must be between 1 and 1024'),
-    (GOOD.replace('1.5', '1' + '0' * 400), 'gain must be a number or 2 rows of 3'),
-    (GOOD + 'bits: 1' + '0' * 400, 'bits is 1000'),
-    (GOOD + 'nominal_rate: 20000', 'nominal_rate is 20000.*between 0 and 10000 Hz'),
+def test_numbers_of_numpy_are_saved(tmp_path):
+    path = tmp_path / 'pad.yaml'
+    pad = Calibration(
+        TactelArray(np.int64(4), np.int32(5), 0.001, 0.002), gain=2.0, depth=np.float64(0.003),
+        dead_tactels=(np.int64(7),), row_order=tuple(np.arange(4)[::-1]))
+    save_calibration(pad, path)
+    found = load_calibration(path)
+    assert (found.array, found.depth, found.dead_tactels) == (ARRAY, 0.003, (7,))
+    assert found.row_order == [3, 2, 1, 0]
+
+
+def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path):
+    path = tmp_path / 'pad.yaml'
+    path.write_text(GOOD)
+    with pytest.raises(yaml.representer.RepresenterError):
+        save_calibration(calibration(found={'when': object()}), path)
+    assert list(tmp_path.iterdir()) == [path] and path.read_text() == GOOD
+
+
 def test_good_file(tmp_path):
-    (GOOD.replace('2', '1000000'), 'rows is 1000000, must be between 1 and 1024'),
-    (GOOD.replace('1.5', '1' + '0' * 400), 'gain must be a number or 2 rows of 3'),
-    (GOOD + 'bits: 1' + '0' * 400, 'bits is 1000'),
-    (GOOD + 'nominal_rate: 20000', 'nominal_rate is 20000.*between 0 and 10000 Hz'),
     path = tmp_path / 'pad.yaml'
     path.write_text(GOOD + 'dead_tactels: [[1, 2], [0, 1]]')
     pad = load_calibration(path)

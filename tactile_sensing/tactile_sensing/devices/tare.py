@@ -76,7 +76,7 @@ def unloaded_statistics(frames: np.ndarray, threshold: float, lowest: float,
     excess = (variance[known] / mean).var() if known.any() else 0.0
     own = max(excess - by_chance, 0.0) / max(excess, by_chance)
     shrunk = np.where(known, own * variance + (1.0 - own) * mean, mean)
-    whole = np.array_equal(frames, np.rint(frames))
+    whole = np.array_equal(frames[:, live], np.rint(frames[:, live]))
     if whole and not silent and known.any() and mean < QUIET**2 + QUANTISATION:
         centre, variance = _rounded(frames, threshold, known)
         offset = np.where(known, centre, offset)
