@@ -139,8 +139,8 @@ def test_what_cannot_be(model):
         Dome(0.027, 0.028, 0.023)
     with pytest.raises(ConfigurationError, match='off the skin'):
         model.image(np.array([0.04, 0.04, 1.0, 0.0, 0.0]))
-    with pytest.raises(ConfigurationError, match='curvature'):
-        FiniteElementDome(DOME, ARRAY, model.operator, curvature=-50.0)
+    with pytest.raises(ConfigurationError, match='or the force of 1e-12 N too small for its el'):
+        model.image(np.array([1e-3, 1e-3, 1e-12, 0.0, 0.0]))
     with pytest.raises(ConfigurationError, match='256 tactels'):
         FiniteElementDome(DOME, TactelArray(8, 8, PITCH, PITCH), model.operator)
     with pytest.raises(ConfigurationError, match='rad from the apex, beyond the rim'):
