@@ -41,7 +41,7 @@ def range_of(recordings: list[np.ndarray], bits: int | None, signed: bool | None
     ConfigurationError if no converter, or not the given one, sends such counts.
     """
     assumed = []
-    counts = np.concatenate([np.rint(frames[np.isfinite(frames)]) for frames in recordings])
+    counts = np.concatenate([np.rint(frames).ravel() for frames in recordings])
     low, high = int(counts.min()), int(counts.max())
     if signed is None:
         signed = low < 0
@@ -105,8 +105,7 @@ def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tact
             dead[row, column] = text.format(noise[row, column])
         live[faulty] = False
     offset, noise = unloaded_statistics(frames, counts.threshold, counts.lowest, live)
-    values = np.unique(np.concatenate([
-        np.rint(it[np.isfinite(it)]).ravel() for it in (frames, *loaded)]))
+    values = np.unique(np.concatenate([np.rint(it).ravel() for it in (frames, *loaded)]))
     step = int(np.gcd.reduce(np.diff(values).astype(np.int64))) if values.size > 2 else 1
     return Tactels(offset, np.maximum(noise, step * 12**-0.5), dead, step, never & live)
 
@@ -114,7 +113,7 @@ def survey(frames: np.ndarray, counts: Counts, loaded: list[np.ndarray]) -> Tact
 def _silent(loaded: np.ndarray, offset: np.ndarray,
             noise: float) -> tuple[np.ndarray, np.ndarray]:
     """Return which tactels do not follow their neighbours, and which were never loaded."""
-    values = np.nan_to_num(loaded[::-(-len(loaded) // MOST_FRAMES)] - offset)
+    values = loaded[::-(-len(loaded) // MOST_FRAMES)] - offset
     padded = np.pad(values, ((0, 0), (1, 1), (1, 1)))
     rows, columns = offset.shape
 
