@@ -185,7 +185,7 @@ def test_mistakes_cost_one_line(there, capsys, arrays, options, words):
 
 @pytest.mark.parametrize('args, words', [
     ([], ', -o/--out'),
-    (['in.npz', '-o', 'out.npz'], '--calibration is missing, or --pitch'),
+    (['in.npy', '-o', 'out.npz'], '--calibration is missing, or --pitch'),
     ([*OPTIONS, '-o', 'out.npz'], 'required: FRAMES.npz'),
     (['gone.npz', *OPTIONS, '-o', 'out.npz'], 'gone.npz: cannot be read: No such file'),
     (['.', '-o', 'out.npz'], 'bag .: has no metadata.yaml'),

@@ -75,8 +75,8 @@ def test_the_pitch_of_a_file_is_taken_unless_another_is_given(run):
         run('in.npz'))
     np.savez('in.npz', frames=edges(), pitch_m='wide')
     assert run('in.npz').count('in.npz') == 1
-    np.save('in.npy', edges())
-    for name in ('in.npy', 'in.csv'):
+    np.savez('bare.npz', frames=edges())
+    for name in ('bare.npz', 'in.npy', 'in.csv'):
         assert '--calibration is missing, or --pitch' in run(name)
 
 
