@@ -359,6 +359,8 @@ keep_bytecode() {
 colcon_build() {
     set -- build --base-paths "$ROOT" --build-base "$BUILD" --install-base "$INSTALL" \
         --merge-install --symlink-install "$@" --cmake-args -DBUILD_TESTING=OFF
+    # Else colcon sets a limit of load, and beside anything else only one core compiles messages.
+    export MAKEFLAGS="${MAKEFLAGS:--j$(nproc)}"
     if [ "$FLAVOUR" != bare ]; then
         (cd "$BASE" && colcon --log-base "$LOG/colcon" "$@")
         return
@@ -368,8 +370,6 @@ colcon_build() {
         LD_LIBRARY_PATH=$(wheel_libraries)
         export LD_LIBRARY_PATH
         unset COLCON_PREFIX_PATH ROS_DISTRO
-        # Else colcon gives ninja a limit of load, and beside anything else it uses one core.
-        export MAKEFLAGS="-j$(nproc)"
         cd "$BASE" && "$ENV/bin/python" "$ENV/bin/colcon" --log-base "$LOG/colcon" "$@" \
             -GNinja "-DPython3_EXECUTABLE=$ENV/bin/python"
     )
