@@ -82,15 +82,10 @@ def check_file(path: str | Path, nodes: Mapping[str, str], law: str = DEFAULT) -
     `nodes` are the full names, such as `/tactile/driver`, of the graph's nodes by their names, and
     `law` is that of the servo. Raises a ConfigurationError if the file cannot be read, a section
     is for a node of the graph in another namespace, a value has the wrong type or is out of
-    bounds, a list has items of several types, or a node has no such parameter.
+    bounds, or a node has no such parameter.
     """
     file, warnings = ParameterFile(path), []
     for section, values in file.sections:
-        for parameter, value in values.items():
-            if isinstance(value, list) and len({type(item) for item in value}) > 1:
-                raise ConfigurationError(
-                    f'parameter file {path}: {section}: {parameter} is {value!r:.60}, must have '
-                    'items of one type: in a list of numbers, write 0.0 for 0')
         name = section.rpartition('/')[2]
         meant = [node for node, full in nodes.items() if matches(section, full)]
         if name in nodes and not meant:

@@ -84,7 +84,9 @@ def _sections(tree: Any, name: str) -> Iterator[tuple[str, dict[str, Any]]]:
         if key == 'ros__parameters' and name:
             if not isinstance(value, dict):
                 raise ConfigurationError(f'{name}: ros__parameters must be a mapping')
-            yield name, dict(_flat(value))
+            with naming(name):
+                values = dict(_flat(value))
+            yield name, values
         else:
             yield from _sections(value, '/'.join((name, str(key).strip('/'))))
 
@@ -93,6 +95,10 @@ def _flat(tree: Mapping, prefix: str = '') -> Iterator[tuple[str, Any]]:
     for key, value in tree.items():
         if isinstance(value, dict):
             yield from _flat(value, f'{prefix}{key}.')
+        elif isinstance(value, list) and len({type(item) for item in value}) > 1:
+            raise ConfigurationError(  # as ROS does
+                f'{prefix}{key} is {value!r:.60}, must have items of one type: in a list of '
+                'numbers, write 0.0 for 0')
         else:
             yield f'{prefix}{key}', value
 
