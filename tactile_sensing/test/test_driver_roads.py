@@ -108,10 +108,10 @@ def test_a_source_that_cannot_be_opened_is_explained(parameters, reason, capfd, 
         raise ValueError('a protocol\nfailed')
     monkeypatch.setattr(driver, 'SensorStream', fail)
     with Bench(CALIBRATION, **parameters) as bench:
-        bench.until(lambda: bench.shows('not active'), 'a report')
+        bench.until(lambda: bench.shows(reason), 'a report')
         assert not change(bench, Transition.TRANSITION_ACTIVATE)
     lines = capfd.readouterr().err.splitlines()
-    assert sum(reason in line for line in lines) == 2
+    assert sum('ERROR' in line and reason in line for line in lines) == 2
 
 
 def test_drift_is_followed_while_nothing_touches():

@@ -173,9 +173,8 @@ class Supervisor:
             return Reason(ReasonCode.NO_IMAGE, 'no sensor_info has been received')
         layer = pressure_layer(self.inputs.sensor.layers)
         if layer is None or layer.unit != 'Pa':
-            return Reason(ReasonCode.UNSUPPORTED_GOAL, 'the sensor is not calibrated: its '
-                          f'pressure is in {layer.unit!r}, must be in Pa' if layer else
-                          'the sensor measures no pressure')
+            return Reason(ReasonCode.UNSUPPORTED_GOAL,
+                          'the sensor gives no pressure in Pa: it is not calibrated')
         lacking = self.inputs.contact_missing(images=False)
         if lacking is None or lacking.code is not ReasonCode.NOT_TARED:
             return None

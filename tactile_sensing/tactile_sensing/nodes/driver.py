@@ -145,6 +145,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         self._image_msg = TactileImageMsg()
         self._reported: tuple[float, dict] = (time.monotonic(), {})
         self._shown: tuple[bytes, str] | None = None
+        self._unread = ''  # why the source cannot be opened, if it cannot
         self._images = self.create_publisher(TactileImageMsg, 'image', qos_profile_sensor_data)
         self._infos = self.create_publisher(SensorInfoMsg, 'sensor_info', LATCHED)
         self.create_service(Trigger, '~/tare', self._on_tare)
@@ -180,12 +181,13 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Start to read the sensor and to publish."""
         self._publish_info()
+        self._unread = ''
         try:
             self._open()
         except Exception as error:  # a protocol of another package may raise anything
-            self.get_logger().error(
-                f'{self._config.topic or self._config.port} cannot be read: '
-                + ' '.join(str(error).split()))
+            self._unread = (f'{self._config.topic or self._config.port} cannot be read: '
+                            + ' '.join(str(error).split()))
+            self.get_logger().error(self._unread)
             return FAILURE
         return SUCCESS
 
@@ -313,6 +315,7 @@ class DriverNode(LifecycleNodeMixin, TactileNode):
         error, warn = DiagnosticStatus.ERROR, DiagnosticStatus.WARN
         converter, source = self._converter, self.source
         counts = converter.calibration.counts
+        yield error, self._unread
         yield warn, '' if source is not None else 'not active'
         yield error, 'the reader has stopped' * (
             self._thread is not None and not self._thread.is_alive())
