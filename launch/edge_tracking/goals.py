@@ -6,11 +6,9 @@ from typing import Any
 from geometry_msgs.msg import Vector3
 
 from tactile_common.config import bounded, documented, one_of
-from tactile_common.polyline import arc_length
 from tactile_msgs.action import TrackEdge, TrackSurface
-from tactile_servo.control.surface_path import raster, spiral
 from tactile_servo.conversions import ACTIONS
-from tactile_servo.laws.surface_goal import LINE_LENGTH, Pattern
+from tactile_servo.laws.surface_goal import LINE_LENGTH, Pattern, SurfaceGoal
 from tactile_servo.supervisor import LONGEST_SILENCE
 from tactile_servo.types import State
 
@@ -73,14 +71,12 @@ def goal_message(c: TrackConfig) -> TrackEdge.Goal | TrackSurface.Goal:
 
 
 def way_length(pattern: str) -> float:
-    """Return the length of a pattern of the default size [m]."""
+    """Return the length of a pattern of the default size [m], about."""
     way = SurfaceWay()
     if pattern == 'line':
         return LINE_LENGTH
-    along, across = way.size
-    plan = raster(along, across, way.step_over) if pattern == 'raster' else spiral(
-        along, way.step_over)
-    return float(arc_length(plan)[-1])
+    return SurfaceGoal(0.0, 0.0, pattern=PATTERNS[pattern], size=(way.size[0], way.size[1]),
+                       step_over=way.step_over).way
 
 
 def feedback_text(feedback: Any) -> str:

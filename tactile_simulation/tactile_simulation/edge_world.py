@@ -48,14 +48,11 @@ class EdgeScene(Scene):
     slip: Slip | None = None
 
     def __post_init__(self) -> None:
-        if self.start.s > self.edge.length:
-            raise ConfigurationError(
-                f'start.s is {self.start.s}, must be at most the length of the edge, '
-                f'{self.edge.length:.6g} m')
-        if self.slip is not None and self.slip.s > self.edge.length:
-            raise ConfigurationError(
-                f'slip.s is {self.slip.s}, must be at most the length of the edge, '
-                f'{self.edge.length:.6g} m')
+        for name, place in (('start', self.start), ('slip', self.slip)):
+            if place is not None and place.s > self.edge.length:
+                raise ConfigurationError(
+                    f'{name}.s is {place.s}, must be at most the length of the edge, '
+                    f'{self.edge.length:.6g} m')
 
     @property
     def way(self) -> float:
@@ -124,8 +121,6 @@ class EdgeWorld(World):
     defines a slip.
     """
 
-    _slipped = False
-
     def render(self, pose: np.ndarray) -> np.ndarray:
         scene = self.scene
         return render(self._points(pose), self.array, scene.skin, scene.edge.solid,
@@ -142,13 +137,12 @@ class EdgeWorld(World):
         edge, slip = self.scene.edge, self.scene.slip
         # Rows are points, so the transpose of base -> sensor is needed: the rotation itself.
         points = (edge.points + (self.shift - pose[:3, 3])) @ pose[:3, :3]
-        if (slip is None or self._slipped or self._force(points) <= 0.0
+        if (slip is None or not slip.offset or self.shift.any() or self._force(points) <= 0.0
                 or edge.nearest(pose[:3, 3])[1][0] < slip.s):
             return points
         along = edge.tangent_at(slip.s)
         self.shift = slip.offset / math.hypot(along[0], along[1]) * np.array(
             [-along[1], along[0], 0.0])
-        self._slipped = True
         return self._points(pose)
 
 
